@@ -1,0 +1,1 @@
+//! Refitted bounding volumes of a deforming surface.

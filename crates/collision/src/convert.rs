@@ -1,0 +1,1 @@
+//! Conversion between nalgebra and parry's types.

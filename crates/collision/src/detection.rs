@@ -1,0 +1,1 @@
+//! Detection: from a surface and a tool to contacts.

@@ -1,0 +1,1 @@
+//! Gap, normal and support of one tissue feature against one tool.

@@ -1,0 +1,1 @@
+//! Compliance in constraint space.

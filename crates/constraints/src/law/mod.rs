@@ -1,0 +1,1 @@
+//! Contact laws, one file each.

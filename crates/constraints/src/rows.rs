@@ -1,0 +1,1 @@
+//! Rows of contacts between tissue and tool.

@@ -1,0 +1,1 @@
+//! Forces carried from step to step by contact feature.

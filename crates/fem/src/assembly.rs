@@ -1,0 +1,1 @@
+//! Parallel assembly of internal forces and the system matrix into a pattern built once.

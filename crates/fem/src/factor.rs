@@ -1,0 +1,1 @@
+//! Supernodal Cholesky factorisation of the system matrix, its solves and half solves.

@@ -1,0 +1,1 @@
+//! Description, state and workspace of a soft body.

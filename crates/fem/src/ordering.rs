@@ -1,0 +1,1 @@
+//! Fill-reducing ordering by nested dissection of node positions.

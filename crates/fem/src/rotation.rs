@@ -1,0 +1,1 @@
+//! Polar decomposition and nodal rotations.

@@ -1,0 +1,1 @@
+//! Isosurface stuffing: label images and closed surfaces to tetrahedra of guaranteed quality.

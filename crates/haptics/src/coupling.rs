@@ -1,0 +1,1 @@
+//! Virtual coupling between the device and the tool.

@@ -1,0 +1,1 @@
+//! Haptic devices, one file each.

@@ -1,0 +1,1 @@
+//! Hand-over between threads: latest values and rings.

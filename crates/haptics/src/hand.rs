@@ -1,0 +1,1 @@
+//! The virtual hand that holds the virtual device.

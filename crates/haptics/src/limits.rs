@@ -1,0 +1,1 @@
+//! Force, slew and fade limits.

@@ -1,0 +1,1 @@
+//! What the step hands to the tick.

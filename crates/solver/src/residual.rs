@@ -1,0 +1,1 @@
+//! The natural-map residual, one for all solvers.
