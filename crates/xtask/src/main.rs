@@ -1,1 +1,41 @@
-fn main() {}
+//! Development commands: `cargo xtask test` runs everything that guards the project.
+
+#![allow(clippy::print_stdout)]
+
+mod guard;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Development commands of Palpate.
+#[derive(Debug, Parser)]
+#[command(name = "cargo xtask")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run every guard: format, lints, docs, tests, examples, the program, its trace, real-time safety.
+    Test {
+        /// Run only these guards.
+        #[arg(long, value_name = "GUARD", value_delimiter = ',')]
+        only: Vec<String>,
+        /// Leave these guards out (for instance `trace` on a machine without PyPI).
+        #[arg(long, value_name = "GUARD", value_delimiter = ',')]
+        skip: Vec<String>,
+    },
+}
+
+fn main() -> ExitCode {
+    let Command::Test { only, skip } = Arguments::parse().command;
+    match guard::run(&only, &skip) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            println!("\n{message}");
+            ExitCode::FAILURE
+        }
+    }
+}

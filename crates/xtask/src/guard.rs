@@ -1,0 +1,159 @@
+//! The guards of the project, each one a few commands that must succeed.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+type Outcome = Result<(), String>;
+
+struct Guard {
+    name: &'static str,
+    what: &'static str,
+    run: fn() -> Outcome,
+}
+
+/// All guards in the order in which they run: cheap ones first, each reusing what the former built.
+const GUARDS: &[Guard] = &[
+    Guard { name: "format", what: "the source is formatted", run: format },
+    Guard { name: "lint", what: "clippy has no complaint", run: lint },
+    Guard { name: "docs", what: "the documentation builds without warnings", run: docs },
+    Guard { name: "test", what: "unit and truth tests", run: test },
+    Guard { name: "examples", what: "every example runs", run: examples },
+    Guard { name: "program", what: "the program runs a scene and writes what it says", run: program },
+    Guard { name: "trace", what: "an independent reader decodes the trace", run: trace },
+    Guard { name: "realtime", what: "RealtimeSanitizer finds nothing in the tick", run: realtime },
+];
+
+/// Runs the chosen guards; stops at the first that fails.
+pub(crate) fn run(only: &[String], skip: &[String]) -> Outcome {
+    for name in only.iter().chain(skip) {
+        if !GUARDS.iter().any(|g| g.name == name) {
+            let names: Vec<_> = GUARDS.iter().map(|g| g.name).collect();
+            return Err(format!("there is no guard `{name}`; the guards are {}", names.join(", ")));
+        }
+    }
+    let chosen = |g: &&Guard| {
+        (only.is_empty() || only.iter().any(|n| n == g.name)) && !skip.iter().any(|n| n == g.name)
+    };
+    let mut lines = Vec::new();
+    for guard in GUARDS.iter().filter(chosen) {
+        println!("\n=== {}: {}", guard.name, guard.what);
+        let start = Instant::now();
+        (guard.run)().map_err(|e| format!("guard `{}` failed: {e}", guard.name))?;
+        lines.push(format!("{:>10}  ok  {:6.1} s", guard.name, start.elapsed().as_secs_f64()));
+    }
+    println!("\n{}", lines.join("\n"));
+    println!("{} passed, 0 failed", lines.len());
+    Ok(())
+}
+
+/// The root of the workspace.
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap_or(Path::new(".")).to_path_buf()
+}
+
+/// A folder for what the guards write.
+fn output_folder() -> Result<PathBuf, String> {
+    let folder = root().join("target/guards");
+    std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    Ok(folder)
+}
+
+fn execute(command: &mut Command) -> Outcome {
+    let shown = format!("{command:?}");
+    println!("$ {shown}");
+    let status = command.current_dir(root()).status().map_err(|e| format!("{shown}: {e}"))?;
+    if status.success() { Ok(()) } else { Err(format!("{shown}: {status}")) }
+}
+
+fn cargo(arguments: &[&str]) -> Command {
+    let mut command = Command::new(std::env::var("CARGO").unwrap_or_else(|_| "cargo".into()));
+    command.args(arguments);
+    command
+}
+
+fn format() -> Outcome {
+    execute(&mut cargo(&["fmt", "--all", "--check"]))
+}
+
+fn lint() -> Outcome {
+    execute(&mut cargo(&["clippy", "--release", "--workspace", "--all-targets", "--", "-D", "warnings"]))
+}
+
+fn docs() -> Outcome {
+    execute(cargo(&["doc", "--release", "--workspace", "--no-deps", "--quiet"]).env("RUSTDOCFLAGS", "-D warnings"))
+}
+
+fn test() -> Outcome {
+    execute(&mut cargo(&["test", "--release", "--workspace"]))
+}
+
+/// Every example of the root package, found by its file.
+fn examples() -> Outcome {
+    let folder = root().join("examples");
+    let mut names: Vec<String> = std::fs::read_dir(&folder)
+        .map_err(|e| format!("{}: {e}", folder.display()))?
+        .filter_map(|entry| entry.ok()?.path().file_name()?.to_str()?.strip_suffix(".rs").map(String::from))
+        .collect();
+    names.sort();
+    for name in names {
+        execute(&mut cargo(&["run", "--release", "--quiet", "--example", &name]))?;
+    }
+    Ok(())
+}
+
+/// Runs the bundled scene in lockstep, replays its trace, and looks at every file that it wrote.
+fn program() -> Outcome {
+    let out = output_folder()?;
+    let path = |name: &str| out.join(name).to_string_lossy().into_owned();
+    let (trace, state, csv) = (path("liver.mcap"), path("liver.vtu"), path("liver.csv"));
+    execute(&mut cargo(&[
+        "run", "--release", "--quiet", "--", "run", "liver", "--lockstep", "--steps", "60", "--quiet", "--trace", &trace,
+        "--final", &state, "--csv", &csv,
+    ]))?;
+    for file in [&trace, &state, &csv, &path("liver.svg")] {
+        let length = std::fs::metadata(file).map_err(|e| format!("{file}: {e}"))?.len();
+        if length < 500 {
+            return Err(format!("{file} holds only {length} bytes"));
+        }
+    }
+    execute(&mut cargo(&["run", "--release", "--quiet", "--", "replay", &trace]))?;
+    execute(&mut cargo(&["run", "--release", "--quiet", "--", "check", "liver"]))?;
+    execute(&mut cargo(&["run", "--release", "--quiet", "--", "mesh", &state]))?;
+    execute(&mut cargo(&["run", "--release", "--quiet", "--", "scenes"]))?;
+    execute(&mut cargo(&["run", "--release", "--quiet", "--", "run", "liver", "--seconds", "1", "--no-trace", "--json", "--quiet"]))
+}
+
+/// Reads the trace of [`program`] with the `mcap` package of PyPI, and its end state with meshio.
+fn trace() -> Outcome {
+    let out = output_folder()?;
+    let environment = root().join("target/guards/venv");
+    let python = environment.join("bin/python");
+    if !python.exists() {
+        execute(Command::new("python3").args(["-m", "venv"]).arg(&environment))?;
+    }
+    execute(Command::new(&python).args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]).args([
+        "mcap>=1.2,<2",
+        "mcap-protobuf-support>=0.5,<1",
+        "meshio>=5.3,<6",
+    ]))?;
+    execute(Command::new(&python).arg("crates/trace/tests/read_trace.py").arg(out.join("liver.mcap")))?;
+    execute(
+        Command::new(&python)
+            .args(["-c", "import sys, meshio; m = meshio.read(sys.argv[1]); print(m); assert m.cells_dict['tetra'].shape[1] == 4"])
+            .arg(out.join("liver.vtu")),
+    )
+}
+
+/// Runs the tick under RealtimeSanitizer, which ships with the toolchain for Linux on x86-64.
+fn realtime() -> Outcome {
+    const TARGET: &str = "x86_64-unknown-linux-gnu";
+    if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+        println!("skipped: RealtimeSanitizer is not part of the toolchain for this machine");
+        return Ok(());
+    }
+    let mut command = cargo(&["run", "--release", "--package", "palpate-haptics", "--example", "rtsan_tick"]);
+    command.args(["--target", TARGET, "--target-dir", "target/rtsan"]);
+    // The sanitizer is an unstable flag of a stable compiler; the variable admits it for this build alone.
+    execute(command.env("RUSTC_BOOTSTRAP", "1").env("RUSTFLAGS", "-Zsanitizer=realtime --cfg rtsan"))
+}
