@@ -16,6 +16,7 @@ pub mod model;
 pub mod nodal_rows;
 pub mod ordering;
 pub mod pcg;
+pub mod preconditioner;
 pub mod rotation;
 pub mod sparse;
 pub mod stuffing;

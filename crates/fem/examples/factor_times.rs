@@ -1,0 +1,131 @@
+//! Times of factorisation, full solves and compliance by reach on blocks of elastic tissue: medians in milliseconds.
+//!
+//! `cargo run --release -p palpate-fem --example factor_times [repetitions]`
+#![allow(clippy::print_stdout)]
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use nalgebra::DMatrix;
+use palpate_fem::factor::{Factor, ReachWorkspace, SolveWorkspace, SymbolicFactor};
+use palpate_fem::ordering::approximate_minimum_degree;
+use palpate_fem::pcg::{PcgConfig, PcgWorkspace, pcg};
+use palpate_fem::preconditioner::FactorPreconditioner;
+
+#[path = "../tests/factor_bodies/mod.rs"]
+mod factor_bodies;
+use factor_bodies::{Body, Random};
+
+/// Median time of `work` in milliseconds.
+fn median(repetitions: usize, mut work: impl FnMut()) -> f64 {
+    work();
+    let mut times: Vec<f64> = (0..repetitions)
+        .map(|_| {
+            let start = Instant::now();
+            work();
+            1e3 * start.elapsed().as_secs_f64()
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}
+
+fn main() {
+    let repetitions = std::env::args().nth(1).and_then(|n| n.parse().ok()).unwrap_or(9);
+    println!(
+        "{:>14} {:>6} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>7} {:>8} {:>8} {:>8}",
+        "body",
+        "nodes",
+        "nnz L",
+        "nnz AMD",
+        "analyse",
+        "factor",
+        "Gflop/s",
+        "solve 1",
+        "30",
+        "90",
+        "W 30",
+        "W 90",
+        "ratio 90",
+        "correct",
+        "pcg"
+    );
+    for (name, cells) in [
+        ("cube", [9, 9, 10]),
+        ("slab", [19, 15, 3]),
+        ("cube", [13, 13, 15]),
+        ("slab", [23, 19, 6]),
+        ("cube", [19, 19, 20]),
+        ("slab", [44, 35, 5]),
+    ] {
+        let body = Body::block(cells, 1);
+        let n = body.free_nodes();
+        let start = Instant::now();
+        let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).expect("the block is free"));
+        let analyse = 1e3 * start.elapsed().as_secs_f64();
+        let amd = SymbolicFactor::with_ordering(&body.pattern, approximate_minimum_degree(&body.pattern))
+            .expect("the block is free");
+        let a = body.system(2);
+        let mut factor = Factor::new(symbolic.clone());
+        let factorisation = median(repetitions, || {
+            factor.refactor(&a);
+        });
+
+        let mut random = Random(3);
+        let full: Vec<f64> = [1, 30, 90]
+            .iter()
+            .map(|&columns| {
+                let mut workspace = SolveWorkspace::with_columns(&symbolic, columns);
+                let mut x = random.vector(3 * n * columns);
+                median(repetitions, || {
+                    let _ = factor.solve_columns(&mut x, &mut workspace);
+                })
+            })
+            .collect();
+
+        let mut workspace = ReachWorkspace::new(&symbolic, 90);
+        let reach: Vec<f64> = [10, 30]
+            .iter()
+            .map(|&contacts| {
+                let rows = body.contact_rows(contacts, 4);
+                let mut w = DMatrix::zeros(rows.len(), rows.len());
+                median(repetitions, || {
+                    let _ = factor.compliance_into(&rows, 1.0, &mut w, &mut workspace);
+                })
+            })
+            .collect();
+        let lambda = random.vector(90);
+        let mut x = vec![0.0; 3 * n];
+        let correct = median(repetitions, || {
+            let _ = factor.correct(&lambda, &mut x, &mut workspace);
+        });
+
+        // one iteration of the conjugate gradients: a product and a solve
+        let b = random.vector(3 * n);
+        let mut solve = SolveWorkspace::new(&symbolic);
+        let mut iteration = PcgWorkspace::new(n);
+        let pcg_time = median(repetitions, || {
+            x.fill(0.0);
+            let mut preconditioner = FactorPreconditioner { factor: &factor, workspace: &mut solve };
+            pcg(&a, &b, &mut x, &mut preconditioner, PcgConfig::default(), &mut iteration);
+        });
+        println!(
+            "{:>14} {:>6} {:>9} {:>9} {:>8.1} {:>8.1} {:>8.1} {:>8.2} {:>8.1} {:>8.1} {:>8.2} {:>7.2} {:>8.1} {:>8.2} {:>8.2}",
+            format!("{name} {}", symbolic.supernode_count()),
+            n,
+            symbolic.nonzeros(),
+            amd.nonzeros(),
+            analyse,
+            factorisation,
+            symbolic.flops() / factorisation * 1e-6,
+            full[0],
+            full[1],
+            full[2],
+            reach[0],
+            reach[1],
+            full[2] / reach[1],
+            correct,
+            pcg_time,
+        );
+    }
+}

@@ -1,1 +1,0 @@
-//! Supernodal Cholesky factorisation of the system matrix, its solves and half solves.

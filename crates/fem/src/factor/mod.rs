@@ -1,0 +1,23 @@
+//! Supernodal Cholesky factorisation of the system matrix, its solves and half solves.
+//!
+//! `P A Pᵀ = L Lᵀ` with `P` from [`crate::ordering`]. Three kinds of data: [`SymbolicFactor`] is made once per
+//! topology and shared; [`Factor`] holds the numbers of one refactorisation; workspaces belong to the thread that
+//! solves. After set-up nothing here allocates, and numerical trouble is a status in a report.
+//!
+//! * refactorisation: [`Factor::refactor`]
+//! * full solves `x = A⁻¹ b`: [`Factor::solve`], [`Factor::solve_columns`]
+//! * half solves over the reach of sparse rows, `Y = L⁻¹ P Hᵀ`, for `H A⁻¹ Hᵀ = Yᵀ Y` and `A⁻¹ Hᵀ λ`: [`reach`]
+//!
+//! LLᵀ rather than LDLᵀ: `W` wants the symmetric half `L⁻¹`, and a matrix that is not positive definite must be
+//! reported, not factored.
+
+mod numeric;
+pub mod reach;
+mod solve;
+mod supernodal_tree;
+mod symbolic;
+
+pub use numeric::{Factor, FactorReport, FactorStatus};
+pub use reach::{ReachReport, ReachStatus, ReachWorkspace};
+pub use solve::{SolveStatus, SolveWorkspace};
+pub use symbolic::{FactorError, SymbolicFactor};

@@ -1,0 +1,151 @@
+//! Numeric factorisation into kept memory.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
+use faer::sparse::SparseColMatRef;
+use faer::sparse::linalg::cholesky::supernodal;
+use faer::{Par, Spec};
+
+use super::symbolic::SymbolicFactor;
+use crate::sparse::SystemMatrix;
+
+/// Numbers every successful refactorisation in the process, so that half solves are never paired with another factor.
+static REVISIONS: AtomicU64 = AtomicU64::new(0);
+
+/// How a refactorisation ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FactorStatus {
+    /// `L` holds the factor of the matrix.
+    Ok,
+    /// A pivot was zero, negative or NaN. The factor is invalid: keep using an older one.
+    NotPositiveDefinite {
+        /// Free node of the pivot.
+        node: u32,
+        /// Its component: 0, 1, 2 for x, y, z.
+        component: u8,
+    },
+    /// The matrix holds a value that is not finite. The factor is invalid.
+    NonFinite {
+        /// A free node in whose column the value lies.
+        node: u32,
+    },
+    /// The matrix does not have the pattern that was analysed. The factor keeps its previous numbers.
+    OtherPattern,
+}
+
+/// What a refactorisation reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FactorReport {
+    /// Whether there is a factor.
+    pub status: FactorStatus,
+    /// Smallest diagonal entry of `L`, squared [unit of A]; zero unless the status is `Ok`.
+    pub smallest_pivot: f64,
+    /// Largest diagonal entry of `L`, squared [unit of A]; zero unless the status is `Ok`. The ratio of the two
+    /// bounds the condition number of `A` from below.
+    pub largest_pivot: f64,
+}
+
+/// The numbers of one factorisation `P A Pᵀ = L Lᵀ`, and the memory to compute them again.
+///
+/// `Send` and `Sync`: move it between threads inside a buffer that goes round.
+pub struct Factor {
+    symbolic: Arc<SymbolicFactor>,
+    values: Vec<f64>,
+    lower: Vec<f64>,
+    memory: MemBuffer,
+    /// Zero while there is no valid factor.
+    revision: u64,
+}
+
+impl Factor {
+    /// Memory for a factor; invalid until the first [`Self::refactor`] succeeds.
+    pub fn new(symbolic: Arc<SymbolicFactor>) -> Self {
+        let memory = MemBuffer::new(supernodal::factorize_supernodal_numeric_llt_scratch::<u32, f64>(
+            symbolic.supernodes(),
+            Par::Seq,
+            Spec::default(),
+        ));
+        Self {
+            values: vec![0.0; symbolic.stored_values()],
+            lower: vec![0.0; symbolic.lower().row_idx().len()],
+            memory,
+            symbolic,
+            revision: 0,
+        }
+    }
+
+    /// The shared symbolic part.
+    pub fn symbolic(&self) -> &Arc<SymbolicFactor> {
+        &self.symbolic
+    }
+
+    /// True if the last refactorisation succeeded.
+    pub fn is_valid(&self) -> bool {
+        self.revision != 0
+    }
+
+    /// A number that no other successful refactorisation in this process has; zero while invalid. Anything derived
+    /// from a factor's numbers (half solves, condensed compliances) may be kept as long as it stays the same.
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+
+    /// Factors `a`. Reads one triangle only, so an asymmetry of `a` goes unnoticed. Allocates nothing.
+    ///
+    /// The same matrix gives the same bits whatever the memory held before. On failure the factor is invalid: every
+    /// solve with it refuses and says so.
+    pub fn refactor(&mut self, a: &SystemMatrix) -> FactorReport {
+        let failed = |status| FactorReport { status, smallest_pivot: 0.0, largest_pivot: 0.0 };
+        if !self.symbolic.fits(a) {
+            return failed(FactorStatus::OtherPattern);
+        }
+        self.revision = 0;
+        if !self.symbolic.gather_lower(a, &mut self.lower) {
+            let node = self.symbolic.first_non_finite(a).unwrap_or(0);
+            return failed(FactorStatus::NonFinite { node });
+        }
+        let outcome = supernodal::factorize_supernodal_numeric_llt(
+            &mut self.values,
+            SparseColMatRef::new(self.symbolic.lower(), &self.lower),
+            LltRegularization::default(),
+            self.symbolic.supernodes(),
+            Par::Seq,
+            MemStack::new(&mut self.memory),
+            Spec::default(),
+        );
+        if let Err(LltError::NonPositivePivot { index }) = outcome {
+            return failed(self.not_positive_at(index));
+        }
+        // a non-finite entry in row i of L would have made pivot i fail, so L is finite here
+        let (smallest, largest) = self.pivot_range();
+        self.revision = 1 + REVISIONS.fetch_add(1, Ordering::Relaxed);
+        FactorReport { status: FactorStatus::Ok, smallest_pivot: smallest, largest_pivot: largest }
+    }
+
+    fn not_positive_at(&self, permuted_row: usize) -> FactorStatus {
+        let node = self.symbolic.ordering().old_of_new.get(permuted_row / 3).copied().unwrap_or(0);
+        FactorStatus::NotPositiveDefinite { node, component: (permuted_row % 3) as u8 }
+    }
+
+    /// Smallest and largest squared diagonal entry of `L`.
+    fn pivot_range(&self) -> (f64, f64) {
+        let (mut smallest, mut largest) = (f64::INFINITY, 0.0f64);
+        let llt = self.llt();
+        for s in 0..self.symbolic.supernode_count() {
+            let block = llt.supernode(s).val();
+            for j in 0..block.ncols() {
+                let pivot = block[(j, j)] * block[(j, j)];
+                smallest = smallest.min(pivot);
+                largest = largest.max(pivot);
+            }
+        }
+        (smallest, largest)
+    }
+
+    pub(super) fn llt(&self) -> supernodal::SupernodalLltRef<'_, u32, f64> {
+        supernodal::SupernodalLltRef::new(self.symbolic.supernodes(), &self.values)
+    }
+}

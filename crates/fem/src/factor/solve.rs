@@ -1,0 +1,109 @@
+//! Full solves with the factor.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::{Conj, MatMut, Par};
+
+use super::numeric::Factor;
+use super::symbolic::SymbolicFactor;
+
+/// How a solve ended. On anything but `Ok` the vectors are left as they were.
+#[must_use]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SolveStatus {
+    /// Solved.
+    Ok,
+    /// The factor is invalid: no refactorisation has succeeded, or the last one failed.
+    InvalidFactor,
+    /// A vector or a workspace has the wrong length, or more columns than the workspace was made for.
+    WrongSize,
+    /// The half solves that a correction would reuse were taken from another factor, or there are none.
+    OtherFactor,
+}
+
+impl SolveStatus {
+    /// True for [`SolveStatus::Ok`].
+    pub fn is_ok(self) -> bool {
+        self == Self::Ok
+    }
+}
+
+/// Scratch of full solves, for one thread.
+pub struct SolveWorkspace {
+    permuted: Vec<f64>,
+    memory: MemBuffer,
+    columns: usize,
+    /// Rows below a supernode that `memory` suffices for.
+    widest_pattern: usize,
+}
+
+impl SolveWorkspace {
+    /// Memory for solves of one column.
+    pub fn new(symbolic: &SymbolicFactor) -> Self {
+        Self::with_columns(symbolic, 1)
+    }
+
+    /// Memory for solves of up to `columns` columns at once.
+    pub fn with_columns(symbolic: &SymbolicFactor, columns: usize) -> Self {
+        Self {
+            permuted: vec![0.0; symbolic.degrees_of_freedom() * columns],
+            memory: MemBuffer::new(symbolic.supernodes().solve_in_place_scratch::<f64>(columns, Par::Seq)),
+            columns,
+            widest_pattern: symbolic.tree().widest_pattern(),
+        }
+    }
+}
+
+impl Factor {
+    /// `x ← A⁻¹ x`, a vector of length `3 n` in the body's own order. Allocates nothing.
+    pub fn solve(&self, x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
+        if x.len() != self.symbolic().degrees_of_freedom() {
+            return SolveStatus::WrongSize;
+        }
+        self.solve_columns(x, workspace)
+    }
+
+    /// `X ← A⁻¹ X` for the columns of a dense matrix, one after another in `x`, each of length `3 n`.
+    pub fn solve_columns(&self, x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
+        let n = self.symbolic().degrees_of_freedom();
+        let columns = x.len() / n;
+        let fits = workspace.permuted.len() == n * workspace.columns
+            && workspace.widest_pattern >= self.symbolic().tree().widest_pattern();
+        if x.len() != n * columns || columns > workspace.columns || !fits {
+            return SolveStatus::WrongSize;
+        }
+        if !self.is_valid() {
+            return SolveStatus::InvalidFactor;
+        }
+        let order = &self.symbolic().ordering().old_of_new;
+        let permuted = &mut workspace.permuted[..n * columns];
+        for (x, permuted) in x.chunks_exact(n).zip(permuted.chunks_exact_mut(n)) {
+            permute(order, x, permuted);
+        }
+        self.llt().solve_in_place_with_conj(
+            Conj::No,
+            MatMut::from_column_major_slice_mut(permuted, n, columns),
+            Par::Seq,
+            MemStack::new(&mut workspace.memory),
+        );
+        for (x, permuted) in x.chunks_exact_mut(n).zip(permuted.chunks_exact(n)) {
+            permute_back(order, permuted, x);
+        }
+        SolveStatus::Ok
+    }
+}
+
+/// `permuted = P x`, by nodes.
+pub(super) fn permute(order: &[u32], x: &[f64], permuted: &mut [f64]) {
+    for (&old, permuted) in order.iter().zip(permuted.chunks_exact_mut(3)) {
+        let i = 3 * old as usize;
+        permuted.copy_from_slice(&x[i..i + 3]);
+    }
+}
+
+/// `x = Pᵀ permuted`, by nodes.
+pub(super) fn permute_back(order: &[u32], permuted: &[f64], x: &mut [f64]) {
+    for (&old, permuted) in order.iter().zip(permuted.chunks_exact(3)) {
+        let i = 3 * old as usize;
+        x[i..i + 3].copy_from_slice(permuted);
+    }
+}

@@ -1,1 +1,0 @@
-//! Fill-reducing ordering by nested dissection of node positions.
