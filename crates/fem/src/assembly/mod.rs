@@ -1,0 +1,278 @@
+//! Assembly of internal forces and of the system matrix into a pattern built once.
+//!
+//! ```text
+//! A = M + h C + h² K                                         kg,    C = α M + β K,  K = -∂f_int/∂q
+//! b = h (f_ext + M g + f_int(q) - C v) - h² K v              N s
+//! ```
+//! over the free nodes: backward Euler with one linearisation [Baraff, Witkin 1998], unknown `Δv`. One `K` (filtered or
+//! not, as the model says) stands in `A` and in `b`. Fixed nodes have no row and count as resting.
+//!
+//! The same bits come out for any number of threads: on one thread the results of each batch are scattered at once, on
+//! several they are kept and gathered by rows, with the same additions in the same order.
+
+#![allow(non_snake_case)]
+
+mod scatter;
+
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+pub(crate) use self::scatter::ScatterLists;
+use self::scatter::slots;
+use crate::{
+    element::ElementMatrices,
+    material::{BATCH, BatchReport, Law},
+    model::{FemModel, FemState},
+    sparse::SystemMatrix,
+};
+
+/// Rows that one task handles.
+const ROWS: usize = 64;
+
+/// Scratch memory of a body: everything that may be thrown away.
+#[derive(Clone, Debug)]
+pub struct FemWorkspace {
+    /// The matrix of the last assembly.
+    pub system: SystemMatrix,
+    /// Right side of the last assembly, `3 n` values over the free nodes.
+    pub rhs: Vec<f64>,
+    /// Internal force on every mesh node [N], fixed ones included: there it is minus the reaction.
+    pub f_int: Vec<Vector3<f64>>,
+    /// Upper blocks of `K`.
+    upper: Vec<Matrix3<f64>>,
+    /// Element results: one batch on one thread, all batches on several.
+    results: Vec<ElementMatrices>,
+    /// Slot of each element in `results`; empty on one thread.
+    slot: Vec<u32>,
+}
+
+impl FemWorkspace {
+    /// Memory for a body. If rayon has several threads here, memory for parallel assembly is included (504 bytes an
+    /// element); a workspace made where it has one assembles on one thread everywhere.
+    pub fn new(model: &FemModel) -> Self {
+        let parallel = rayon::current_num_threads() > 1;
+        let batches = if parallel { model.batches().len() } else { 1 };
+        Self {
+            system: SystemMatrix::zeros(model.pattern().clone()),
+            rhs: vec![0.0; 3 * model.free_nodes()],
+            f_int: vec![Vector3::zeros(); model.nodes()],
+            upper: vec![Matrix3::zeros(); model.scatter().upper_blocks()],
+            results: vec![ElementMatrices::ZERO; batches * BATCH],
+            slot: if parallel { slots(model.batches()) } else { Vec::new() },
+        }
+    }
+}
+
+/// Factors of mass and stiffness in a matrix `mass M + stiffness K`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coefficients {
+    /// Factor of the lumped mass matrix.
+    pub mass: f64,
+    /// Factor of the tangent stiffness.
+    pub stiffness: f64,
+}
+
+impl Coefficients {
+    /// `K` alone [N/m], for static solutions.
+    pub const STATIC: Self = Self { mass: 0.0, stiffness: 1.0 };
+}
+
+/// What an assembly met. Elements are tetrahedra of the mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AssemblyReport {
+    /// Elements whose tangent the definiteness filter changed.
+    pub filtered: u32,
+    /// Elements with volume ratio `J <= 0`.
+    pub inverted: u32,
+    /// Smallest volume ratio `J`.
+    pub min_jacobian: f64,
+    /// Tetrahedron of the smallest `J`; `u32::MAX` where no `J` is a number.
+    pub min_jacobian_tetrahedron: u32,
+    /// A tetrahedron whose force or stiffness is not finite: the first one of the first material that has any.
+    pub non_finite: Option<u32>,
+}
+
+impl AssemblyReport {
+    fn new(report: BatchReport, model: &FemModel) -> Self {
+        let tetrahedron = |e: u32| model.mesh_tetrahedron().get(e as usize).copied().unwrap_or(u32::MAX);
+        Self {
+            filtered: report.filtered,
+            inverted: report.inverted,
+            min_jacobian: report.min_jacobian,
+            min_jacobian_tetrahedron: tetrahedron(report.min_jacobian_element),
+            non_finite: report.non_finite.map(tetrahedron),
+        }
+    }
+}
+
+/// Fills `ws.system` with `A = M + h C + h² K` [kg], `ws.rhs` with `b` [N s] and `ws.f_int` [N].
+///
+/// `dt` is the step `h` [s]; `f_ext` one force per mesh node [N], or empty.
+pub fn assemble(
+    model: &FemModel,
+    state: &FemState,
+    dt: f64,
+    f_ext: &[Vector3<f64>],
+    ws: &mut FemWorkspace,
+) -> AssemblyReport {
+    let report = sum_elements(model, state, ws);
+    let (alpha, beta) = (model.rayleigh_mass(), model.rayleigh_stiffness());
+    let coefficients = Coefficients { mass: 1.0 + dt * alpha, stiffness: dt * (beta + dt) };
+    let upper = &ws.upper;
+    let f_int = &ws.f_int;
+    for_rows(model, &mut ws.system, &mut ws.rhs, |i, node, blocks| {
+        let mass = model.mass()[node];
+        let mut Kv = Vector3::zeros();
+        for (p, block) in model.pattern().row(i).zip(blocks) {
+            let K = model.scatter().block(p, upper);
+            let j = model.pattern().columns()[p] as usize;
+            Kv += K * state.v[model.node_of_free()[j] as usize];
+            *block = system_block(&K, coefficients, mass, i == j);
+        }
+        let f = f_ext.get(node).copied().unwrap_or_default()
+            + f_int[node]
+            + (model.gravity() - state.v[node] * alpha) * mass;
+        f * dt - Kv * coefficients.stiffness
+    });
+    report
+}
+
+/// Fills `ws.system` with `coefficients.mass M + coefficients.stiffness K`, `ws.rhs` with the static residual
+/// `f_ext + M g + f_int` [N] and `ws.f_int` [N]. Newton's method for equilibrium solves `K Δq = rhs`.
+pub fn assemble_with(
+    model: &FemModel,
+    state: &FemState,
+    coefficients: Coefficients,
+    f_ext: &[Vector3<f64>],
+    ws: &mut FemWorkspace,
+) -> AssemblyReport {
+    let report = sum_elements(model, state, ws);
+    let upper = &ws.upper;
+    let f_int = &ws.f_int;
+    for_rows(model, &mut ws.system, &mut ws.rhs, |i, node, blocks| {
+        let mass = model.mass()[node];
+        for (p, block) in model.pattern().row(i).zip(blocks) {
+            let diagonal = model.pattern().columns()[p] as usize == i;
+            *block = system_block(&model.scatter().block(p, upper), coefficients, mass, diagonal);
+        }
+        f_ext.get(node).copied().unwrap_or_default() + f_int[node] + model.gravity() * mass
+    });
+    report
+}
+
+/// Fills `ws.f_int` with the internal forces on all nodes [N], without the tangent; leaves `ws.system` alone.
+pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) {
+    ws.f_int.fill(Vector3::zeros());
+    for batch in model.batches() {
+        for element in &model.elements()[batch.elements.clone()] {
+            let P = batch.material.first_piola(&element.deformation_gradient(&state.q));
+            let result = ElementMatrices { forces: element.forces(&P), ..ElementMatrices::ZERO };
+            for (a, &node) in element.nodes.iter().enumerate() {
+                ws.f_int[node as usize] += result.force(a);
+            }
+        }
+    }
+}
+
+/// Elastic energy of the body [J].
+pub fn elastic_energy(model: &FemModel, state: &FemState) -> f64 {
+    let mut energy = 0.0;
+    for batch in model.batches() {
+        for element in &model.elements()[batch.elements.clone()] {
+            energy += element.volume * batch.material.energy_density(&element.deformation_gradient(&state.q));
+        }
+    }
+    energy
+}
+
+/// One block of `mass M + stiffness K`. Diagonal blocks are made symmetric: their sums are so only up to rounding.
+#[inline]
+fn system_block(K: &Matrix3<f64>, coefficients: Coefficients, mass: f64, diagonal: bool) -> Matrix3<f64> {
+    if !diagonal {
+        return K * coefficients.stiffness;
+    }
+    let mut block = (K + K.transpose()) * (0.5 * coefficients.stiffness);
+    for c in 0..3 {
+        block[(c, c)] += coefficients.mass * mass;
+    }
+    block
+}
+
+/// Computes all elements and sums them into `ws.upper` and `ws.f_int`.
+fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) -> AssemblyReport {
+    let scatter = model.scatter();
+    let compute = |batch: &crate::model::Batch, results: &mut [ElementMatrices]| {
+        let elements = &model.elements()[batch.elements.clone()];
+        let report = batch.material.batch(elements, &state.q, model.filter(), &mut results[..elements.len()]);
+        report.shifted(batch.elements.start as u32)
+    };
+    let parallel = !ws.slot.is_empty() && rayon::current_num_threads() > 1;
+    let report = if parallel {
+        let report = (ws.results.par_chunks_mut(BATCH).zip(model.batches()))
+            .map(|(results, batch)| compute(batch, results))
+            .reduce(BatchReport::default, BatchReport::merged);
+        let (results, slot) = (&ws.results, &ws.slot);
+        ws.upper.par_chunks_mut(8 * ROWS).enumerate().for_each(|(chunk, upper)| {
+            for (k, block) in upper.iter_mut().enumerate() {
+                *block = scatter.gather_block(8 * ROWS * chunk + k, results, slot);
+            }
+        });
+        ws.f_int.par_chunks_mut(ROWS).enumerate().for_each(|(chunk, f_int)| {
+            for (k, f) in f_int.iter_mut().enumerate() {
+                *f = scatter.gather_force(ROWS * chunk + k, results, slot);
+            }
+        });
+        report
+    } else {
+        ws.upper.fill(Matrix3::zeros());
+        ws.f_int.fill(Vector3::zeros());
+        let mut report = BatchReport::default();
+        for batch in model.batches() {
+            report = report.merged(compute(batch, &mut ws.results));
+            let results = &ws.results[..batch.elements.len()];
+            scatter.scatter(model.elements(), batch.elements.start, results, &mut ws.upper, &mut ws.f_int);
+        }
+        report
+    };
+    AssemblyReport::new(report, model)
+}
+
+/// Calls `row(free node, mesh node, blocks of the row)` for every row, in parallel where there are threads; what it
+/// returns goes to the right side.
+fn for_rows(
+    model: &FemModel,
+    system: &mut SystemMatrix,
+    rhs: &mut [f64],
+    row: impl Fn(usize, usize, &mut [Matrix3<f64>]) -> Vector3<f64> + Sync,
+) {
+    let pattern = model.pattern();
+    // Halves the rows until they are few, so that no task list is needed.
+    fn split(
+        rows: std::ops::Range<usize>,
+        model: &FemModel,
+        blocks: &mut [Matrix3<f64>],
+        rhs: &mut [f64],
+        row: &(impl Fn(usize, usize, &mut [Matrix3<f64>]) -> Vector3<f64> + Sync),
+        threads: usize,
+    ) {
+        let pattern = model.pattern();
+        let first = pattern.row(rows.start).start;
+        if rows.len() <= ROWS || threads == 1 {
+            for (i, rhs) in rows.zip(rhs.chunks_exact_mut(3)) {
+                let range = pattern.row(i);
+                let blocks = &mut blocks[range.start - first..range.end - first];
+                rhs.copy_from_slice(row(i, model.node_of_free()[i] as usize, blocks).as_slice());
+            }
+            return;
+        }
+        let middle = rows.start + rows.len() / 2;
+        let (low, high) = blocks.split_at_mut(pattern.row(middle).start - first);
+        let (rhs_low, rhs_high) = rhs.split_at_mut(3 * (middle - rows.start));
+        rayon::join(
+            || split(rows.start..middle, model, low, rhs_low, row, threads),
+            || split(middle..rows.end, model, high, rhs_high, row, threads),
+        );
+    }
+    let threads = rayon::current_num_threads();
+    split(0..pattern.rows(), model, &mut system.blocks, rhs, &row, threads);
+}

@@ -1,1 +1,0 @@
-//! Constitutive laws, one file each.

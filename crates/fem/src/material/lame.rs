@@ -1,0 +1,74 @@
+//! Parameters of isotropic linear elasticity, the errors of material parameters, and conversions.
+
+use thiserror::Error;
+
+/// Lamé parameters [Pa]: stress `2 mu ε + lambda tr(ε) I` at small strain `ε`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lame {
+    /// Shear modulus `μ` [Pa].
+    pub mu: f64,
+    /// First Lamé parameter `λ` [Pa].
+    pub lambda: f64,
+}
+
+impl Lame {
+    /// From Young's modulus [Pa] and Poisson's ratio in `(-1, 0.5)`.
+    #[inline]
+    pub fn from_young_poisson(young: f64, poisson: f64) -> Self {
+        Self {
+            mu: young / (2.0 * (1.0 + poisson)),
+            lambda: young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)),
+        }
+    }
+
+    /// Young's modulus [Pa].
+    pub fn young(&self) -> f64 {
+        self.mu * (3.0 * self.lambda + 2.0 * self.mu) / (self.lambda + self.mu)
+    }
+
+    /// Poisson's ratio.
+    pub fn poisson(&self) -> f64 {
+        0.5 * self.lambda / (self.lambda + self.mu)
+    }
+
+    /// Bulk modulus `λ + 2/3 μ` [Pa].
+    pub fn bulk(&self) -> f64 {
+        self.lambda + self.mu * 2.0 / 3.0
+    }
+}
+
+/// Material parameters outside the range of their law.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum MaterialError {
+    /// Young's modulus is not a positive number.
+    #[error("young = {0} Pa: Young's modulus must be positive and finite (soft tissue: 1e3 to 1e6)")]
+    Young(f64),
+    /// Poisson's ratio is outside `(-1, 0.5)`.
+    #[error("poisson = {0}: Poisson's ratio must lie in -1 < poisson < 0.5 (soft tissue: 0.4 to 0.49)")]
+    Poisson(f64),
+    /// A shear modulus is not a positive number.
+    #[error("mu = {0} Pa: the shear modulus must be positive and finite")]
+    ShearModulus(f64),
+    /// The volumetric modulus leaves a bulk modulus that is not positive.
+    #[error("k0 = {k0} Pa with mu = {mu} Pa: k0 + 2/3 mu, the bulk modulus, must be positive and finite")]
+    VolumeModulus {
+        /// The volumetric modulus [Pa].
+        k0: f64,
+        /// The shear modulus [Pa].
+        mu: f64,
+    },
+    /// Neither of the two sets of parameters is complete.
+    #[error("neo_hookean takes `young` and `poisson`, or `mu` and `k0`: one complete pair, not both")]
+    ParameterPair,
+}
+
+/// Checks the range of Young's modulus [Pa] and Poisson's ratio.
+pub(crate) fn validate_young_poisson(young: f64, poisson: f64) -> Result<(), MaterialError> {
+    if !(young > 0.0 && young.is_finite()) {
+        return Err(MaterialError::Young(young));
+    }
+    if !(poisson > -1.0 && poisson < 0.5) {
+        return Err(MaterialError::Poisson(poisson));
+    }
+    Ok(())
+}

@@ -1,0 +1,206 @@
+//! Constitutive laws, one file each, and the register that makes them reachable by name.
+//!
+//! A law gives the energy density `Ψ(F)` [J/m³], the first Piola stress `P = ∂Ψ/∂F` [Pa] and what one linear tetrahedron
+//! adds to the stiffness. All three are derivatives of one energy, also beyond the physical domain (inverted elements).
+//! A new law is one file and one line in [`materials!`].
+
+#![allow(non_snake_case)]
+
+pub mod corotational;
+pub mod hyperelastic;
+mod lame;
+pub mod neo_hookean;
+pub mod principal;
+
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+pub use self::{
+    corotational::Corotational,
+    lame::{Lame, MaterialError},
+    neo_hookean::NeoHookean,
+};
+use crate::element::{ElementMatrices, Tetrahedron};
+
+/// Elements of one law that are computed together; results of a batch stay in the first-level cache.
+pub const BATCH: usize = 32;
+
+/// A hyperelastic constitutive law with validated parameters.
+pub trait Law: Copy + Send + Sync {
+    /// Checks the parameters against the law's range.
+    fn validate(&self) -> Result<(), MaterialError>;
+
+    /// Lamé parameters of the linear elasticity that the law tends to at small strain.
+    fn small_strain(&self) -> Lame;
+
+    /// Energy density `Ψ(F)` [J/m³], zero at rest.
+    fn energy_density(&self, F: &Matrix3<f64>) -> f64;
+
+    /// First Piola stress `P = ∂Ψ/∂F` [Pa].
+    fn first_piola(&self, F: &Matrix3<f64>) -> Matrix3<f64>;
+
+    /// Forces and exact tangent of one element with deformed `edges` [m]; with `filter`, the nearest positive
+    /// semidefinite tangent in the space of `F`. Returns whether the filter changed the tangent.
+    fn element(&self, element: &Tetrahedron, edges: &Matrix3<f64>, filter: bool, out: &mut ElementMatrices) -> bool;
+
+    /// [`Law::element`] for a batch of at most [`BATCH`] elements. `out` is as long as `elements`.
+    fn batch(
+        &self,
+        elements: &[Tetrahedron],
+        q: &[Vector3<f64>],
+        filter: bool,
+        out: &mut [ElementMatrices],
+    ) -> BatchReport {
+        let mut report = BatchReport::default();
+        for (k, (element, out)) in elements.iter().zip(out).enumerate() {
+            let edges = element.edges(q);
+            let filtered = self.element(element, &edges, filter, out);
+            report.note(k as u32, edges.determinant() / (6.0 * element.volume), filtered, out.is_finite());
+        }
+        report
+    }
+}
+
+/// What happened in a batch of elements, or in a whole body; elements are counted from the first of the batch or body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BatchReport {
+    /// Elements whose tangent the filter changed.
+    pub filtered: u32,
+    /// Elements with `J <= 0`.
+    pub inverted: u32,
+    /// Smallest volume ratio `J`; infinity where there is no element.
+    pub min_jacobian: f64,
+    /// The element of the smallest `J` (the first, where several tie).
+    pub min_jacobian_element: u32,
+    /// First element whose force or stiffness is not finite.
+    pub non_finite: Option<u32>,
+}
+
+impl Default for BatchReport {
+    fn default() -> Self {
+        Self { filtered: 0, inverted: 0, min_jacobian: f64::INFINITY, min_jacobian_element: u32::MAX, non_finite: None }
+    }
+}
+
+impl BatchReport {
+    /// Adds one element.
+    #[inline]
+    pub fn note(&mut self, element: u32, J: f64, filtered: bool, finite: bool) {
+        self.filtered += u32::from(filtered);
+        self.inverted += u32::from(J <= 0.0);
+        if J < self.min_jacobian {
+            (self.min_jacobian, self.min_jacobian_element) = (J, element);
+        }
+        if !finite && self.non_finite.is_none() {
+            self.non_finite = Some(element);
+        }
+    }
+
+    /// The same report with elements counted from `first` elements earlier.
+    pub(crate) fn shifted(mut self, first: u32) -> Self {
+        self.min_jacobian_element = self.min_jacobian_element.saturating_add(first);
+        self.non_finite = self.non_finite.map(|e| e + first);
+        self
+    }
+
+    /// Both reports together; independent of the order of merging.
+    pub(crate) fn merged(self, other: Self) -> Self {
+        let (a, b) = ((self.min_jacobian, self.min_jacobian_element), (other.min_jacobian, other.min_jacobian_element));
+        let least = if b.0 < a.0 || (b.0 == a.0 && b.1 < a.1) { b } else { a };
+        Self {
+            filtered: self.filtered + other.filtered,
+            inverted: self.inverted + other.inverted,
+            min_jacobian: least.0,
+            min_jacobian_element: least.1,
+            non_finite: match (self.non_finite, other.non_finite) {
+                (Some(a), Some(b)) => Some(a.min(b)),
+                (a, b) => a.or(b),
+            },
+        }
+    }
+}
+
+/// Registers laws: the enum, its serde names, and one `match` per batch.
+macro_rules! materials {
+    ($($variant:ident = $name:literal),+ $(,)?) => {
+        /// A material: any registered law. In files: `{ law = "neo_hookean", young = 5e3, poisson = 0.45 }`.
+        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(tag = "law")]
+        pub enum Material {
+            $(
+                #[doc = concat!("[`", stringify!($variant), "`], `\"", $name, "\"` in files.")]
+                #[serde(rename = $name)]
+                $variant($variant),
+            )+
+        }
+
+        impl Material {
+            /// Names of all laws, in the order of registration.
+            pub const NAMES: &'static [&'static str] = &[$($name),+];
+
+            /// Name of this law in files.
+            pub fn name(&self) -> &'static str {
+                match self { $(Self::$variant(_) => $name),+ }
+            }
+
+            /// The law called `name` with the given small-strain parameters; `None` where no law has that name.
+            pub fn from_young_poisson(name: &str, young: f64, poisson: f64) -> Option<Self> {
+                match name {
+                    $($name => Some(Self::$variant($variant::from_young_poisson(young, poisson))),)+
+                    _ => None,
+                }
+            }
+        }
+
+        impl Law for Material {
+            fn validate(&self) -> Result<(), MaterialError> {
+                match self { $(Self::$variant(law) => law.validate()),+ }
+            }
+
+            fn small_strain(&self) -> Lame {
+                match self { $(Self::$variant(law) => law.small_strain()),+ }
+            }
+
+            fn energy_density(&self, F: &Matrix3<f64>) -> f64 {
+                match self { $(Self::$variant(law) => law.energy_density(F)),+ }
+            }
+
+            fn first_piola(&self, F: &Matrix3<f64>) -> Matrix3<f64> {
+                match self { $(Self::$variant(law) => law.first_piola(F)),+ }
+            }
+
+            fn element(
+                &self,
+                element: &Tetrahedron,
+                edges: &Matrix3<f64>,
+                filter: bool,
+                out: &mut ElementMatrices,
+            ) -> bool {
+                match self { $(Self::$variant(law) => law.element(element, edges, filter, out)),+ }
+            }
+
+            fn batch(
+                &self,
+                elements: &[Tetrahedron],
+                q: &[Vector3<f64>],
+                filter: bool,
+                out: &mut [ElementMatrices],
+            ) -> BatchReport {
+                match self { $(Self::$variant(law) => law.batch(elements, q, filter, out)),+ }
+            }
+        }
+
+        $(
+            impl From<$variant> for Material {
+                fn from(law: $variant) -> Self {
+                    Self::$variant(law)
+                }
+            }
+        )+
+    };
+}
+
+materials! {
+    NeoHookean = "neo_hookean",
+    Corotational = "corotational",
+}

@@ -1,0 +1,134 @@
+//! Compressible neo-Hookean law in the multiplicative-Jacobian form [Marchesseau 2010].
+//!
+//! ```text
+//! Ψ = μ/2 (I1 - 3)  +  f(J),    f(J) = k0/2 ln²J - μ ln J                    J/m³
+//! P = μ F + f'(J) cof F,        f' = (k0 ln J - μ) / J                       Pa
+//!                               f'' = (k0 (1 - ln J) + μ) / J²
+//! ```
+//! with `I1 = tr FᵀF`. `k0` is Lamé's `λ`: at small strain the law is linear elasticity with `(μ, k0)`.
+//!
+//! Departure: `ln J` ends at `J = 0`, which a step of simulation may pass. Below `J0 =` [`EXTENSION_BELOW`] `f` is
+//! continued by its quadratic Taylor polynomial at `J0`. Energy, force and tangent stay derivatives of one function that
+//! is twice continuously differentiable and convex in `J` there, so inverted elements are driven back with a finite
+//! force. Above `J = e` (for `k0 >> μ`) the law itself softens in volume: `f''` turns negative.
+
+#![allow(non_snake_case)]
+
+use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Lame, MaterialError,
+    hyperelastic::{Hyperelastic, Response, StrainFactor, VolumeFactor},
+    lame::validate_young_poisson,
+};
+
+/// Volume ratio below which the volumetric energy is continued by a quadratic. Tissue that is crushed to a fifth of its
+/// volume is beyond any measured law; above, the law is exact.
+pub const EXTENSION_BELOW: f64 = 0.2;
+
+/// Compressible neo-Hookean material. In files either `young` and `poisson`, or `mu` and `k0`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Parameters")]
+pub struct NeoHookean {
+    /// Young's modulus at small strain [Pa], positive.
+    pub young: f64,
+    /// Poisson's ratio at small strain, in `(-1, 0.5)`.
+    pub poisson: f64,
+}
+
+/// The two ways to write the parameters.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parameters {
+    young: Option<f64>,
+    poisson: Option<f64>,
+    mu: Option<f64>,
+    k0: Option<f64>,
+}
+
+impl TryFrom<Parameters> for NeoHookean {
+    type Error = MaterialError;
+
+    fn try_from(p: Parameters) -> Result<Self, MaterialError> {
+        match (p.young, p.poisson, p.mu, p.k0) {
+            (Some(young), Some(poisson), None, None) => {
+                validate_young_poisson(young, poisson)?;
+                Ok(Self { young, poisson })
+            }
+            (None, None, Some(mu), Some(k0)) => Self::from_moduli(mu, k0),
+            _ => Err(MaterialError::ParameterPair),
+        }
+    }
+}
+
+impl NeoHookean {
+    /// From Young's modulus [Pa] and Poisson's ratio at small strain; not validated.
+    pub fn from_young_poisson(young: f64, poisson: f64) -> Self {
+        Self { young, poisson }
+    }
+
+    /// From the parameters of the energy: shear modulus `mu` [Pa] and volumetric modulus `k0` [Pa].
+    pub fn from_moduli(mu: f64, k0: f64) -> Result<Self, MaterialError> {
+        if !(mu > 0.0 && mu.is_finite()) {
+            return Err(MaterialError::ShearModulus(mu));
+        }
+        let lame = Lame { mu, lambda: k0 };
+        if !(lame.bulk() > 0.0 && k0.is_finite()) {
+            return Err(MaterialError::VolumeModulus { k0, mu });
+        }
+        Ok(Self { young: lame.young(), poisson: lame.poisson() })
+    }
+}
+
+impl Hyperelastic for NeoHookean {
+    const MIXED: bool = false;
+    const CURVED: bool = false;
+
+    fn validate(&self) -> Result<(), MaterialError> {
+        validate_young_poisson(self.young, self.poisson)
+    }
+
+    #[inline]
+    fn small_strain(&self) -> Lame {
+        Lame::from_young_poisson(self.young, self.poisson)
+    }
+
+    #[inline]
+    fn response(&self, C: &Matrix3<f64>, J: f64) -> Response {
+        let Lame { mu, lambda: k0 } = self.small_strain();
+        let shear = StrainFactor {
+            value: 0.5 * mu * (C.trace() - 3.0),
+            S: Matrix3::from_diagonal_element(mu),
+            alpha: 0.0,
+            beta: 0.0,
+        };
+        let mut response = Response::default();
+        response.add(&VolumeFactor::ONE, &shear);
+        response.add_volume(&volume(mu, k0, J));
+        response
+    }
+}
+
+/// `f, f', f''` of the volumetric term, with its extension.
+#[inline]
+fn volume(mu: f64, k0: f64, J: f64) -> VolumeFactor {
+    let at = if J > EXTENSION_BELOW { J } else { EXTENSION_BELOW };
+    let ln = at.ln();
+    let inverse = at.recip();
+    let factor = VolumeFactor {
+        value: (0.5 * k0 * ln - mu) * ln,
+        first: (k0 * ln - mu) * inverse,
+        second: (k0 * (1.0 - ln) + mu) * inverse * inverse,
+    };
+    if J > EXTENSION_BELOW {
+        return factor;
+    }
+    // Also reached by NaN, which then spreads and is reported.
+    let d = J - EXTENSION_BELOW;
+    VolumeFactor {
+        value: factor.value + d * (factor.first + 0.5 * d * factor.second),
+        first: factor.first + d * factor.second,
+        second: factor.second,
+    }
+}

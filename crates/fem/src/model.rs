@@ -1,1 +1,0 @@
-//! Description, state and workspace of a soft body.

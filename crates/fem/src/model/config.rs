@@ -1,0 +1,242 @@
+//! What a user chooses for a soft body, and what can be wrong with it.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+use thiserror::Error;
+
+use crate::{
+    material::{Law, Material, MaterialError, NeoHookean},
+    mesh::TetMesh,
+};
+
+/// Largest ratio of Young's moduli within one body. Beyond it single-step integration and the preconditioner lose more
+/// digits than a real-time tolerance leaves.
+pub const MAX_STIFFNESS_RATIO: f64 = 1e4;
+
+/// Choices for one soft body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FemConfig {
+    /// Material of the regions that `region_materials` does not name. [neo-Hookean, 5 kPa, 0.45: soft liver]
+    pub material: Material,
+    /// Material by region name. [none]
+    pub region_materials: BTreeMap<String, Material>,
+    /// Density of the regions that `region_densities` does not name [kg/m³], >= 0. [1060]
+    pub density: f64,
+    /// Density by region name [kg/m³], >= 0. [none]
+    pub region_densities: BTreeMap<String, f64>,
+    /// If set, this mass [kg] is shared equally by all nodes, fixed ones included, and densities are not used: the
+    /// uniform mass of other engines' scenes. [none]
+    pub total_mass: Option<f64>,
+    /// Rayleigh damping by mass `α` [1/s], >= 0: `C = α M + β K`. [0]
+    pub rayleigh_mass: f64,
+    /// Rayleigh damping by stiffness `β` [s], >= 0. [0]
+    pub rayleigh_stiffness: f64,
+    /// Acceleration of gravity [m/s²]. [(0, 0, -9.81)]
+    pub gravity: Vector3<f64>,
+    /// Mesh nodes that do not move: they keep the position that the state holds. [none]
+    pub fixed: Vec<u32>,
+    /// Definiteness filter: each element's tangent is replaced by the nearest positive semidefinite one. On for real
+    /// time; off for reference runs, where Newton's method converges quadratically. [true]
+    pub filter: bool,
+}
+
+impl Default for FemConfig {
+    fn default() -> Self {
+        Self {
+            material: NeoHookean { young: 5e3, poisson: 0.45 }.into(),
+            region_materials: BTreeMap::new(),
+            density: 1060.0,
+            region_densities: BTreeMap::new(),
+            total_mass: None,
+            rayleigh_mass: 0.0,
+            rayleigh_stiffness: 0.0,
+            gravity: Vector3::new(0.0, 0.0, -9.81),
+            fixed: Vec::new(),
+            filter: true,
+        }
+    }
+}
+
+/// Why a body cannot be set up.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum FemError {
+    /// The mesh has no tetrahedron.
+    #[error("the mesh has no tetrahedra: a soft body needs a volume mesh, not a surface")]
+    Empty,
+    /// The mesh is larger than the index types hold.
+    #[error("the mesh has {nodes} nodes and {tetrahedra} tetrahedra: at most {limit} tetrahedra fit the index lists")]
+    TooLarge {
+        /// Nodes of the mesh.
+        nodes: usize,
+        /// Tetrahedra of the mesh.
+        tetrahedra: usize,
+        /// Largest number of tetrahedra.
+        limit: usize,
+    },
+    /// A tetrahedron names a node that does not exist.
+    #[error("tetrahedron {tetrahedron} has node {node}, but the mesh has {nodes} nodes (counted from 0)")]
+    NodeOutOfRange {
+        /// The tetrahedron.
+        tetrahedron: usize,
+        /// The node it names.
+        node: u32,
+        /// Nodes of the mesh.
+        nodes: usize,
+    },
+    /// A tetrahedron has no positive volume.
+    #[error("tetrahedron {tetrahedron} has volume {volume:e} m³: inverted, flat or not finite; repair or remesh it")]
+    Volume {
+        /// The tetrahedron.
+        tetrahedron: usize,
+        /// Its volume [m³].
+        volume: f64,
+    },
+    /// The mesh does not name one region per tetrahedron.
+    #[error("the mesh has {tetrahedra} tetrahedra but {regions} region labels: one per tetrahedron, or none at all")]
+    RegionCount {
+        /// Tetrahedra of the mesh.
+        tetrahedra: usize,
+        /// Region labels.
+        regions: usize,
+    },
+    /// A tetrahedron's region has no name.
+    #[error("tetrahedron {tetrahedron} is in region {region}, but the mesh names {names} regions (counted from 0)")]
+    RegionOutOfRange {
+        /// The tetrahedron.
+        tetrahedron: usize,
+        /// Its region.
+        region: u16,
+        /// Named regions.
+        names: usize,
+    },
+    /// A material or density is given for a region that the mesh does not have.
+    #[error("no region is called `{name}`{}; the mesh has: {}", suggestion(.name, .known), list(.known))]
+    UnknownRegion {
+        /// The name given.
+        name: String,
+        /// The names of the mesh.
+        known: Vec<String>,
+    },
+    /// A material's parameters are outside their range.
+    #[error("material of {place}: {error}")]
+    Material {
+        /// `the body` or a region.
+        place: String,
+        /// What is wrong.
+        error: MaterialError,
+    },
+    /// Regions differ too much in stiffness.
+    #[error(
+        "Young's moduli range from {softest:e} to {stiffest:e} Pa within one body: a ratio above {MAX_STIFFNESS_RATIO:e}; \
+         soften the stiff region, or fix its nodes"
+    )]
+    StiffnessRatio {
+        /// Smallest Young's modulus [Pa].
+        softest: f64,
+        /// Largest Young's modulus [Pa].
+        stiffest: f64,
+    },
+    /// A number of the configuration is outside its range.
+    #[error("{name} = {value}: must be {range}")]
+    OutOfRange {
+        /// The field.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it may be, with its unit.
+        range: &'static str,
+    },
+    /// A fixed node does not exist.
+    #[error("fixed node {node} does not exist: the mesh has {nodes} nodes (counted from 0)")]
+    FixedOutOfRange {
+        /// The node.
+        node: u32,
+        /// Nodes of the mesh.
+        nodes: usize,
+    },
+    /// Every node is fixed.
+    #[error("all {nodes} nodes are fixed: nothing can move; use a fixed body, or fix fewer nodes")]
+    AllFixed {
+        /// Nodes of the mesh.
+        nodes: usize,
+    },
+    /// Neither mass nor fixed nodes hold the body.
+    #[error("the body has neither mass nor fixed nodes: its system is singular; give a density or fix some nodes")]
+    Unsupported,
+    /// A node belongs to no tetrahedron.
+    #[error("node {node} belongs to no tetrahedron: remove unconnected nodes from the mesh")]
+    Unconnected {
+        /// The node.
+        node: u32,
+    },
+}
+
+/// The nearest known name, as a question.
+fn suggestion(name: &str, known: &[String]) -> String {
+    let nearest = known.iter().map(|k| (strsim::osa_distance(name, k), k)).min();
+    match nearest {
+        Some((distance, k)) if distance <= 1 + name.chars().count() / 3 => format!(" (did you mean `{k}`?)"),
+        _ => String::new(),
+    }
+}
+
+fn list(known: &[String]) -> String {
+    if known.is_empty() { "no named regions".into() } else { known.join(", ") }
+}
+
+/// Checks a number of the configuration: finite and not negative.
+fn not_negative(name: &'static str, value: f64, range: &'static str) -> Result<(), FemError> {
+    if value >= 0.0 && value.is_finite() { Ok(()) } else { Err(FemError::OutOfRange { name, value, range }) }
+}
+
+impl FemConfig {
+    /// Checks everything that does not depend on the mesh's geometry.
+    pub(super) fn validate(&self, mesh: &TetMesh) -> Result<(), FemError> {
+        for name in self.region_materials.keys().chain(self.region_densities.keys()) {
+            if !mesh.region_names.contains(name) {
+                return Err(FemError::UnknownRegion { name: name.clone(), known: mesh.region_names.clone() });
+            }
+        }
+        let in_place = |place: String, material: &Material| {
+            material.validate().map_err(|error| FemError::Material { place, error })
+        };
+        in_place("the body".into(), &self.material)?;
+        for (name, material) in &self.region_materials {
+            in_place(format!("region `{name}`"), material)?;
+        }
+        not_negative("density", self.density, ">= 0 kg/m³ and finite (soft tissue: about 1060)")?;
+        for &density in self.region_densities.values() {
+            not_negative("region_densities", density, ">= 0 kg/m³ and finite (soft tissue: about 1060)")?;
+        }
+        if let Some(mass) = self.total_mass {
+            not_negative("total_mass", mass, ">= 0 kg and finite")?;
+        }
+        not_negative("rayleigh_mass", self.rayleigh_mass, ">= 0 1/s and finite")?;
+        not_negative("rayleigh_stiffness", self.rayleigh_stiffness, ">= 0 s and finite")?;
+        for &g in self.gravity.iter().filter(|g| !g.is_finite()) {
+            return Err(FemError::OutOfRange { name: "gravity", value: g, range: "finite, in m/s²" });
+        }
+        let nodes = mesh.nodes.len();
+        if let Some(&node) = self.fixed.iter().find(|&&i| i as usize >= nodes) {
+            return Err(FemError::FixedOutOfRange { node, nodes });
+        }
+        Ok(())
+    }
+
+    /// Material and density of each region; of the whole body where the mesh has no regions.
+    pub(super) fn regions(&self, mesh: &TetMesh) -> Vec<(Material, f64)> {
+        if mesh.regions.is_empty() {
+            return vec![(self.material, self.density)];
+        }
+        mesh.region_names
+            .iter()
+            .map(|name| {
+                (
+                    *self.region_materials.get(name).unwrap_or(&self.material),
+                    *self.region_densities.get(name).unwrap_or(&self.density),
+                )
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,288 @@
+//! Description and state of a soft body.
+
+mod config;
+
+use std::{ops::Range, sync::Arc};
+
+use nalgebra::Vector3;
+
+pub use self::config::{FemConfig, FemError, MAX_STIFFNESS_RATIO};
+use crate::{
+    assembly::ScatterLists,
+    element::Tetrahedron,
+    material::{BATCH, Law, Material},
+    mesh::TetMesh,
+    sparse::{BlockPattern, FIXED},
+};
+
+/// The state of a soft body: what is saved, and all that a step changes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FemState {
+    /// Position of every mesh node [m], fixed ones included.
+    pub q: Vec<Vector3<f64>>,
+    /// Velocity of every mesh node [m/s]; that of fixed nodes is ignored.
+    pub v: Vec<Vector3<f64>>,
+}
+
+/// Consecutive elements of one material that are computed together.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Batch {
+    pub(crate) elements: Range<usize>,
+    pub(crate) material: Material,
+}
+
+/// The description of a soft body: never changes after set-up.
+#[derive(Clone, Debug)]
+pub struct FemModel {
+    q_rest: Vec<Vector3<f64>>,
+    elements: Vec<Tetrahedron>,
+    free_tetrahedra: Vec<[u32; 4]>,
+    mesh_tetrahedron: Vec<u32>,
+    batches: Vec<Batch>,
+    mass: Vec<f64>,
+    free_of_node: Vec<u32>,
+    node_of_free: Vec<u32>,
+    pattern: Arc<BlockPattern>,
+    scatter: ScatterLists,
+    gravity: Vector3<f64>,
+    rayleigh_mass: f64,
+    rayleigh_stiffness: f64,
+    filter: bool,
+}
+
+impl FemModel {
+    /// Sets up a body over a mesh.
+    ///
+    /// # Errors
+    /// Every mistake of mesh or configuration that would otherwise surface during a run; see [`FemError`].
+    pub fn new(mesh: &TetMesh, config: &FemConfig) -> Result<Self, FemError> {
+        check_topology(mesh)?;
+        config.validate(mesh)?;
+        let regions = config.regions(mesh);
+        let region_of = |t: usize| mesh.regions.get(t).map_or(0, |&r| r as usize);
+
+        // Elements of one material lie together, in mesh order within it.
+        let (materials, material_of_region) = distinct_materials(&regions);
+        let mut order: Vec<u32> = (0..mesh.tetrahedra.len() as u32).collect();
+        order.sort_by_key(|&t| material_of_region[region_of(t as usize)]);
+        check_stiffness_ratio(order.iter().map(|&t| &regions[region_of(t as usize)].0))?;
+
+        let mut elements = Vec::with_capacity(order.len());
+        let mut mass = vec![0.0; mesh.nodes.len()];
+        let mut connected = vec![false; mesh.nodes.len()];
+        for &t in &order {
+            let nodes = mesh.tetrahedra[t as usize];
+            let element = Tetrahedron::new(nodes, &mesh.nodes)
+                .ok_or_else(|| FemError::Volume { tetrahedron: t as usize, volume: volume(mesh, t as usize) })?;
+            let share = 0.25 * regions[region_of(t as usize)].1 * element.volume;
+            for i in nodes {
+                mass[i as usize] += share;
+                connected[i as usize] = true;
+            }
+            elements.push(element);
+        }
+        if let Some(node) = connected.iter().position(|&c| !c) {
+            return Err(FemError::Unconnected { node: node as u32 });
+        }
+        if let Some(total) = config.total_mass {
+            mass.fill(total / mesh.nodes.len() as f64);
+        }
+
+        let (free_of_node, node_of_free) = number_free_nodes(mesh.nodes.len(), &config.fixed);
+        if node_of_free.is_empty() {
+            return Err(FemError::AllFixed { nodes: mesh.nodes.len() });
+        }
+        if config.fixed.is_empty() && mass.iter().all(|&m| m == 0.0) {
+            return Err(FemError::Unsupported);
+        }
+        let free_tetrahedra: Vec<[u32; 4]> =
+            elements.iter().map(|e| e.nodes.map(|i| free_of_node[i as usize])).collect();
+        let pattern = Arc::new(BlockPattern::from_elements(node_of_free.len(), &free_tetrahedra));
+        let scatter = ScatterLists::new(&pattern, &elements, &free_tetrahedra, mesh.nodes.len());
+        let batches = batches(order.iter().map(|&t| material_of_region[region_of(t as usize)]), &materials);
+        Ok(Self {
+            q_rest: mesh.nodes.clone(),
+            elements,
+            free_tetrahedra,
+            mesh_tetrahedron: order,
+            batches,
+            mass,
+            free_of_node,
+            node_of_free,
+            pattern,
+            scatter,
+            gravity: config.gravity,
+            rayleigh_mass: config.rayleigh_mass,
+            rayleigh_stiffness: config.rayleigh_stiffness,
+            filter: config.filter,
+        })
+    }
+
+    /// The state at rest: `q = q_rest`, `v = 0`.
+    pub fn rest_state(&self) -> FemState {
+        FemState { q: self.q_rest.clone(), v: vec![Vector3::zeros(); self.q_rest.len()] }
+    }
+
+    /// Number of mesh nodes.
+    pub fn nodes(&self) -> usize {
+        self.q_rest.len()
+    }
+
+    /// Number of free nodes `n`; the system has `3 n` unknowns.
+    pub fn free_nodes(&self) -> usize {
+        self.node_of_free.len()
+    }
+
+    /// Rest positions [m].
+    pub fn q_rest(&self) -> &[Vector3<f64>] {
+        &self.q_rest
+    }
+
+    /// Elements, grouped by material. [`FemModel::mesh_tetrahedron`] gives their place in the mesh.
+    pub fn elements(&self) -> &[Tetrahedron] {
+        &self.elements
+    }
+
+    /// Free nodes of each element, [`FIXED`] where a node is fixed.
+    pub fn free_tetrahedra(&self) -> &[[u32; 4]] {
+        &self.free_tetrahedra
+    }
+
+    /// Tetrahedron of the mesh for each element.
+    pub fn mesh_tetrahedron(&self) -> &[u32] {
+        &self.mesh_tetrahedron
+    }
+
+    /// Lumped mass of every node [kg].
+    pub fn mass(&self) -> &[f64] {
+        &self.mass
+    }
+
+    /// Free number of every node, [`FIXED`] for fixed ones.
+    pub fn free_of_node(&self) -> &[u32] {
+        &self.free_of_node
+    }
+
+    /// Mesh node of every free node, ascending.
+    pub fn node_of_free(&self) -> &[u32] {
+        &self.node_of_free
+    }
+
+    /// Sparsity of every matrix of this body.
+    pub fn pattern(&self) -> &Arc<BlockPattern> {
+        &self.pattern
+    }
+
+    /// Acceleration of gravity [m/s²].
+    pub fn gravity(&self) -> &Vector3<f64> {
+        &self.gravity
+    }
+
+    /// Rayleigh damping by mass [1/s].
+    pub fn rayleigh_mass(&self) -> f64 {
+        self.rayleigh_mass
+    }
+
+    /// Rayleigh damping by stiffness [s].
+    pub fn rayleigh_stiffness(&self) -> f64 {
+        self.rayleigh_stiffness
+    }
+
+    /// Whether the definiteness filter is on.
+    pub fn filter(&self) -> bool {
+        self.filter
+    }
+
+    pub(crate) fn batches(&self) -> &[Batch] {
+        &self.batches
+    }
+
+    pub(crate) fn scatter(&self) -> &ScatterLists {
+        &self.scatter
+    }
+}
+
+/// Checks counts and indices of the mesh.
+fn check_topology(mesh: &TetMesh) -> Result<(), FemError> {
+    let (nodes, tetrahedra) = (mesh.nodes.len(), mesh.tetrahedra.len());
+    if tetrahedra == 0 {
+        return Err(FemError::Empty);
+    }
+    if tetrahedra > ScatterLists::MAX_ELEMENTS || nodes >= FIXED as usize {
+        return Err(FemError::TooLarge { nodes, tetrahedra, limit: ScatterLists::MAX_ELEMENTS });
+    }
+    for (tetrahedron, element) in mesh.tetrahedra.iter().enumerate() {
+        if let Some(&node) = element.iter().find(|&&i| i as usize >= nodes) {
+            return Err(FemError::NodeOutOfRange { tetrahedron, node, nodes });
+        }
+    }
+    if !mesh.regions.is_empty() {
+        if mesh.regions.len() != tetrahedra {
+            return Err(FemError::RegionCount { tetrahedra, regions: mesh.regions.len() });
+        }
+        let names = mesh.region_names.len();
+        if let Some(tetrahedron) = mesh.regions.iter().position(|&r| r as usize >= names) {
+            return Err(FemError::RegionOutOfRange { tetrahedron, region: mesh.regions[tetrahedron], names });
+        }
+    }
+    Ok(())
+}
+
+/// Volume of a tetrahedron of the mesh [m³].
+fn volume(mesh: &TetMesh, t: usize) -> f64 {
+    let [a, b, c, d] = mesh.tetrahedra[t].map(|i| mesh.nodes[i as usize]);
+    (b - a).cross(&(c - a)).dot(&(d - a)) / 6.0
+}
+
+/// The materials that differ, and the material of each region.
+fn distinct_materials(regions: &[(Material, f64)]) -> (Vec<Material>, Vec<usize>) {
+    let mut materials: Vec<Material> = Vec::new();
+    let of_region = regions
+        .iter()
+        .map(|(material, _)| {
+            materials.iter().position(|m| m == material).unwrap_or_else(|| {
+                materials.push(*material);
+                materials.len() - 1
+            })
+        })
+        .collect();
+    (materials, of_region)
+}
+
+fn check_stiffness_ratio<'a>(materials: impl Iterator<Item = &'a Material>) -> Result<(), FemError> {
+    let (softest, stiffest) = materials
+        .map(|m| m.small_strain().young())
+        .fold((f64::INFINITY, 0.0_f64), |(low, high), young| (low.min(young), high.max(young)));
+    // The slack is for moduli that are converted from others.
+    if stiffest > softest * MAX_STIFFNESS_RATIO * (1.0 + 1e-9) {
+        return Err(FemError::StiffnessRatio { softest, stiffest });
+    }
+    Ok(())
+}
+
+fn number_free_nodes(nodes: usize, fixed: &[u32]) -> (Vec<u32>, Vec<u32>) {
+    let mut free_of_node = vec![0; nodes];
+    for &i in fixed {
+        free_of_node[i as usize] = FIXED;
+    }
+    let mut node_of_free = Vec::with_capacity(nodes);
+    for (i, free) in free_of_node.iter_mut().enumerate().filter(|(_, free)| **free != FIXED) {
+        *free = node_of_free.len() as u32;
+        node_of_free.push(i as u32);
+    }
+    (free_of_node, node_of_free)
+}
+
+/// Runs of one material, cut into batches. `material_of_element` is grouped.
+fn batches(material_of_element: impl Iterator<Item = usize>, materials: &[Material]) -> Vec<Batch> {
+    let mut batches: Vec<Batch> = Vec::new();
+    let mut last = usize::MAX;
+    for (e, m) in material_of_element.enumerate() {
+        match batches.last_mut() {
+            Some(batch) if m == last && batch.elements.len() < BATCH => batch.elements.end = e + 1,
+            _ => batches.push(Batch { elements: e..e + 1, material: materials[m] }),
+        }
+        last = m;
+    }
+    batches
+}
