@@ -1,1 +1,434 @@
 //! Detection: from a surface and a tool to contacts.
+//!
+//! A box around the tool, widened by the margin and the reach, selects triangles; their nodes ([`ContactKind::Nodes`])
+//! or their deepest points ([`ContactKind::Faces`]) become features with a gap and a normal ([`narrow_phase`]); features
+//! on the wrong side are rejected; what is left is sorted by depth, near-duplicates are merged, and the deepest are kept.
+//!
+//! **Sides.** The far skin of a thin organ and the near skin that a tool has passed look alike: the distance to both
+//! points out of the body. Detection therefore remembers the outward normal `u` of the skin through which the tool came
+//! ([`ContactSet::side`]): the skin nearest to the tool's innermost probe, followed while that probe is outside, and
+//! inside only as far as it turns by less than 60 degrees a step. A feature that lies behind the tool (`facing < 0`)
+//! needs `skin · u > 1/2`. While such a feature more than 30 degrees behind is in contact, skin with `skin · u < 0` is
+//! rejected too, since the tool may have come out of the far side. A tool that appears inside the body takes the
+//! nearest skin; [`DetectionReport::tool_inside`] tells set-up to refuse it.
+
+use nalgebra::{Isometry3, Vector3};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::broad_phase::SurfaceGeometry;
+use crate::contact::{Contact, ContactSet, FeatureKind, feature_id};
+use crate::hull::ConvexHull;
+use crate::narrow_phase::{HullInWorld, Touch, point_feature, samples, touch};
+use crate::shape::ToolShape;
+use crate::tree::Aabb;
+
+/// Where contacts are taken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ContactKind {
+    /// At the nodes of the surface. On a coarse mesh the closest to the converged force, but a tool smaller than an
+    /// element can pass between nodes.
+    Nodes,
+    /// At the deepest points of triangles. No tool passes; on a coarse mesh too stiff.
+    #[default]
+    Faces,
+}
+
+/// How contacts are found. Lengths in m, angles in rad.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DetectionConfig {
+    /// Nodes or faces (default faces).
+    pub kind: ContactKind,
+    /// Contacts with a gap up to this become rows (default 2 mm): what the tool can approach in one step.
+    pub margin: f64,
+    /// How far the whole tool may lie below the skin and still be pushed out (default 10 mm).
+    pub reach: f64,
+    /// Contacts closer together than this [m] merge into the deepest (default 0: identical points only).
+    pub merge_distance: f64,
+    /// Contacts whose normals differ by more than this [rad] never merge (default 0.2).
+    pub merge_angle: f64,
+    /// Most contacts kept, the deepest first (default 64).
+    pub max_contacts: usize,
+}
+
+impl Default for DetectionConfig {
+    fn default() -> Self {
+        Self {
+            kind: ContactKind::Faces,
+            margin: 2e-3,
+            reach: 1e-2,
+            merge_distance: 0.0,
+            merge_angle: 0.2,
+            max_contacts: 64,
+        }
+    }
+}
+
+/// A detection parameter out of its range.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("detection: {name} = {value} must be {bound}")]
+pub struct DetectionConfigError {
+    /// The parameter.
+    pub name: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// What it must be.
+    pub bound: &'static str,
+}
+
+impl DetectionConfig {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// Names the first parameter that is out of its range.
+    pub fn validate(&self) -> Result<(), DetectionConfigError> {
+        for (name, value) in [
+            ("margin", self.margin),
+            ("reach", self.reach),
+            ("merge_distance", self.merge_distance),
+            ("merge_angle", self.merge_angle),
+        ] {
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(DetectionConfigError { name, value, bound: "at least zero and finite" });
+            }
+        }
+        if self.max_contacts == 0 {
+            return Err(DetectionConfigError { name: "max_contacts", value: 0.0, bound: "at least 1" });
+        }
+        Ok(())
+    }
+}
+
+/// What one detection did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DetectionReport {
+    /// Features whose gap was computed.
+    pub candidates: usize,
+    /// Contacts handed out.
+    pub contacts: usize,
+    /// Features within the margin that were rejected because they face away from the side the tool came from.
+    pub wrong_side: usize,
+    /// Duplicates and near-duplicates that gave way to a deeper contact.
+    pub merged: usize,
+    /// Contacts within the margin that the capacity had no room for; shallower than all that were kept.
+    pub dropped: usize,
+    /// Triangles left out because a coordinate is not finite, plus 1 if the pose is not finite.
+    pub non_finite: usize,
+    /// Least gap [m]; infinite without contacts.
+    pub deepest_gap: f64,
+    /// The whole tool lies below the skin. At set-up: refuse. In a run: a fast tool has passed through; it is pushed out
+    /// as long as the reach allows.
+    pub tool_inside: bool,
+}
+
+/// A feature within the query box, with what is needed to accept or reject it.
+#[derive(Clone, Copy, Debug)]
+struct Feature {
+    contact: Contact,
+    skin: Vector3<f64>,
+    facing: f64,
+}
+
+/// Scratch memory of detection, sized for one surface at set-up.
+#[derive(Clone, Debug)]
+pub struct DetectionWorkspace {
+    features: Vec<Feature>,
+    node_seen: Vec<u32>,
+    edge_seen: Vec<u32>,
+    pass: u32,
+    hull: HullInWorld,
+}
+
+impl DetectionWorkspace {
+    /// Memory for one surface and any tool: about 0.8 KB a triangle.
+    ///
+    /// The first detection with a hull and the first with a larger `max_contacts` than before may allocate; none after.
+    pub fn new(surface: &SurfaceGeometry) -> Self {
+        Self {
+            features: Vec::with_capacity(4 * surface.triangles().len() + 1024),
+            node_seen: vec![0; surface.body_nodes()],
+            edge_seen: vec![0; surface.edges().len()],
+            pass: 0,
+            hull: HullInWorld::default(),
+        }
+    }
+
+    fn begin(&mut self, surface: &SurfaceGeometry) {
+        self.features.clear();
+        self.pass = self.pass.wrapping_add(1);
+        if self.pass == 0
+            || self.node_seen.len() != surface.body_nodes()
+            || self.edge_seen.len() != surface.edges().len()
+        {
+            self.node_seen.clear();
+            self.node_seen.resize(surface.body_nodes(), 0);
+            self.edge_seen.clear();
+            self.edge_seen.resize(surface.edges().len(), 0);
+            self.pass = 1;
+        }
+    }
+
+    /// True the first time in a pass.
+    fn first_visit(seen: &mut [u32], pass: u32, item: u32) -> bool {
+        seen.get_mut(item as usize).is_some_and(|at| std::mem::replace(at, pass) != pass)
+    }
+}
+
+/// Where features are collected; when memory is full the shallower half gives way, and is counted.
+struct Collector<'a> {
+    features: &'a mut Vec<Feature>,
+    margin: f64,
+    candidates: usize,
+    dropped: usize,
+}
+
+impl Collector<'_> {
+    fn offer(
+        &mut self,
+        feature: u64,
+        nodes: [u32; 3],
+        weights: [f64; 3],
+        x: Vector3<f64>,
+        skin: Vector3<f64>,
+        touch: Touch,
+    ) {
+        self.candidates += 1;
+        if touch.gap.is_nan() || touch.gap > self.margin {
+            return;
+        }
+        if self.features.len() == self.features.capacity() {
+            let half = self.features.len() / 2;
+            if half > 0 {
+                self.features.select_nth_unstable_by(half, by_depth);
+                self.dropped += self.features.len() - half;
+                self.features.truncate(half);
+            }
+        }
+        let tool_point = x - touch.normal * touch.gap;
+        let contact =
+            Contact { feature, nodes, weights, normal: touch.normal, tissue_point: x, tool_point, gap: touch.gap };
+        self.features.push(Feature { contact, skin, facing: touch.facing });
+    }
+}
+
+/// Deepest first; ties by feature, so that the order never depends on how features were found.
+fn by_depth(a: &Feature, b: &Feature) -> std::cmp::Ordering {
+    a.contact.gap.total_cmp(&b.contact.gap).then(a.contact.feature.cmp(&b.contact.feature))
+}
+
+/// Finds the contacts between a refitted surface and a tool at a pose.
+///
+/// `positions` are the body's nodes [m] that the surface was refitted to. `out` enters with what the step before left
+/// (for the side from which the tool came) and leaves with the new contacts, ascending by feature. Non-finite numbers
+/// give no contact and are counted.
+pub fn detect(
+    surface: &SurfaceGeometry,
+    positions: &[Vector3<f64>],
+    tool: &ToolShape,
+    pose: &Isometry3<f64>,
+    config: &DetectionConfig,
+    ws: &mut DetectionWorkspace,
+    out: &mut ContactSet,
+) -> DetectionReport {
+    out.contacts.clear();
+    let mut report = DetectionReport {
+        candidates: 0,
+        contacts: 0,
+        wrong_side: 0,
+        merged: 0,
+        dropped: 0,
+        non_finite: surface.non_finite(),
+        deepest_gap: f64::INFINITY,
+        tool_inside: false,
+    };
+    if !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite()) {
+        report.non_finite += 1;
+        return report;
+    }
+    ws.begin(surface);
+    report.tool_inside = follow_side(surface, positions, tool, pose, &mut out.side);
+
+    // Features of triangles near the tool.
+    let (low, high) = tool.bounding_box(pose);
+    let around = Vector3::repeat(config.margin.max(config.reach));
+    let bounds = Aabb { low: low - around, high: high + around };
+    let within = config.margin.max(config.reach);
+    let pass = ws.pass;
+    let mut found = Collector { features: &mut ws.features, margin: config.margin, candidates: 0, dropped: 0 };
+    match (config.kind, tool.axis(pose), tool.hull()) {
+        (ContactKind::Faces, Some(axis), _) => {
+            surface.query(&bounds, |t| face_features(surface, positions, tool, pose, (t, &axis), &mut found));
+        }
+        (ContactKind::Faces, None, Some(hull)) => {
+            ws.hull.place(hull, pose);
+            surface.query(&bounds, |t| {
+                for node in surface.triangles()[t as usize] {
+                    if DetectionWorkspace::first_visit(&mut ws.node_seen, pass, node) {
+                        node_feature(surface, positions, tool, pose, node, &mut found);
+                    }
+                }
+                hull_corners(surface, positions, t, (hull, &ws.hull), &mut found);
+                for edge in surface.triangle_edges()[t as usize] {
+                    if DetectionWorkspace::first_visit(&mut ws.edge_seen, pass, edge) {
+                        hull_edges(surface, positions, edge, (hull, &ws.hull, within), &mut found);
+                    }
+                }
+            });
+        }
+        _ => surface.query(&bounds, |t| {
+            for node in surface.triangles()[t as usize] {
+                if DetectionWorkspace::first_visit(&mut ws.node_seen, pass, node) {
+                    node_feature(surface, positions, tool, pose, node, &mut found);
+                }
+            }
+        }),
+    }
+    report.candidates = found.candidates;
+    report.dropped = found.dropped;
+
+    reject_wrong_side(&mut ws.features, out.side, &mut report);
+    keep_deepest(&mut ws.features, config, &mut out.contacts, &mut report);
+    report
+}
+
+/// Updates the outward normal of the skin through which the tool came; true where the whole tool lies below the skin.
+fn follow_side(
+    surface: &SurfaceGeometry,
+    positions: &[Vector3<f64>],
+    tool: &ToolShape,
+    pose: &Isometry3<f64>,
+    side: &mut Option<Vector3<f64>>,
+) -> bool {
+    let mut innermost: Option<(f64, Vector3<f64>)> = None;
+    let mut all_below = true;
+    for probe in tool.probes(pose) {
+        let Some(near) = surface.nearest(&probe.centre, positions) else { continue };
+        all_below &= near.signed_distance < -probe.radius;
+        if innermost.is_none_or(|(least, _)| near.signed_distance < least) && near.normal != Vector3::zeros() {
+            innermost = Some((near.signed_distance, near.normal));
+        }
+    }
+    let Some((depth, normal)) = innermost else { return false };
+    *side = match *side {
+        Some(before) if depth < 0.0 && before.dot(&normal) <= 0.5 => Some(before),
+        _ => Some(normal),
+    };
+    // The sign of the nearest point can err at sharp edges, so a rare and costly answer is checked.
+    all_below && surface.contains(&tool.bounding_sphere(pose).0, positions)
+}
+
+fn node_feature(
+    surface: &SurfaceGeometry,
+    positions: &[Vector3<f64>],
+    tool: &ToolShape,
+    pose: &Isometry3<f64>,
+    node: u32,
+    found: &mut Collector,
+) {
+    let Some(x) = positions.get(node as usize).copied() else { return };
+    let skin = surface.vertex_normal(node);
+    if let Some(touch) = touch(tool, pose, &x, &skin) {
+        found.offer(feature_id(FeatureKind::Vertex, node, 0), [node; 3], [1.0, 0.0, 0.0], x, skin, touch);
+    }
+}
+
+fn face_features(
+    surface: &SurfaceGeometry,
+    positions: &[Vector3<f64>],
+    tool: &ToolShape,
+    pose: &Isometry3<f64>,
+    (t, axis): (u32, &[Vector3<f64>; 2]),
+    found: &mut Collector,
+) {
+    let Some(corners) = surface.corners(t, positions) else { return };
+    let (nodes, edges) = (surface.triangles()[t as usize], surface.triangle_edges()[t as usize]);
+    samples(axis, &corners, |point, tool_feature| {
+        let x = point.position(&corners);
+        let skin = surface.normal_at(t, &point.weights);
+        if let Some(touch) = touch(tool, pose, &x, &skin) {
+            found.offer(point_feature(t, &nodes, &edges, &point, tool_feature), nodes, point.weights, x, skin, touch);
+        }
+    });
+}
+
+fn hull_corners(
+    surface: &SurfaceGeometry,
+    positions: &[Vector3<f64>],
+    t: u32,
+    (hull, placed): (&ConvexHull, &HullInWorld),
+    found: &mut Collector,
+) {
+    let Some(corners) = surface.corners(t, positions) else { return };
+    let nodes = surface.triangles()[t as usize];
+    placed.corners_on_triangle(hull, &corners, |corner, point, skin, touch| {
+        // Tool features count from 1: 0 is the tissue's own closest point.
+        let id = feature_id(FeatureKind::Triangle, t, corner + 1);
+        found.offer(id, nodes, point.weights, point.position(&corners), skin, touch);
+    });
+}
+
+fn hull_edges(
+    surface: &SurfaceGeometry,
+    positions: &[Vector3<f64>],
+    edge: u32,
+    (hull, placed, within): (&ConvexHull, &HullInWorld, f64),
+    found: &mut Collector,
+) {
+    let [i, j] = surface.edges()[edge as usize];
+    let (Some(a), Some(b)) = (positions.get(i as usize).copied(), positions.get(j as usize).copied()) else { return };
+    let Some(skin) = (surface.vertex_normal(i) + surface.vertex_normal(j)).try_normalize(1e-9) else { return };
+    placed.edges_on_edge(hull, [a, b], &skin, within, |tool_edge, t, touch| {
+        let id = feature_id(FeatureKind::Edge, edge, tool_edge + 1);
+        found.offer(id, [i, j, j], [1.0 - t, t, 0.0], a + (b - a) * t, skin, touch);
+    });
+}
+
+/// Drops features behind the tool that do not face the side it came from.
+fn reject_wrong_side(features: &mut Vec<Feature>, side: Option<Vector3<f64>>, report: &mut DetectionReport) {
+    let Some(side) = side else { return };
+    let before = features.len();
+    features.retain(|f| f.facing >= 0.0 || f.skin.dot(&side) > 0.5);
+    if features.iter().any(|f| f.facing < -0.5) {
+        features.retain(|f| f.skin.dot(&side) >= 0.0);
+    }
+    report.wrong_side = before - features.len();
+}
+
+/// Merges near-duplicates into the deepest of them and keeps the deepest contacts, ascending by feature.
+fn keep_deepest(
+    features: &mut Vec<Feature>,
+    config: &DetectionConfig,
+    contacts: &mut Vec<Contact>,
+    report: &mut DetectionReport,
+) {
+    // Triangles that share a vertex or an edge find the same point: one feature, one contact.
+    features.sort_unstable_by(|a, b| a.contact.feature.cmp(&b.contact.feature).then(by_depth(a, b)));
+    let before = features.len();
+    features.dedup_by_key(|f| f.contact.feature);
+    report.merged = before - features.len();
+    features.sort_unstable_by(by_depth);
+
+    let near = config.merge_distance * config.merge_distance;
+    let aligned = config.merge_angle.min(std::f64::consts::PI).cos();
+    contacts.reserve(config.max_contacts);
+    for (visited, feature) in features.iter().enumerate() {
+        if contacts.len() == config.max_contacts {
+            report.dropped += features.len() - visited;
+            break;
+        }
+        let c = &feature.contact;
+        let twin = |kept: &Contact| {
+            (kept.tissue_point - c.tissue_point).norm_squared() <= near && kept.normal.dot(&c.normal) >= aligned
+        };
+        if contacts.iter().any(twin) {
+            report.merged += 1;
+        } else {
+            contacts.push(*c);
+        }
+    }
+    report.contacts = contacts.len();
+    report.deepest_gap = contacts.first().map_or(f64::INFINITY, |c| c.gap);
+    contacts.sort_unstable_by_key(|c| c.feature);
+}

@@ -4,5 +4,13 @@ pub mod broad_phase;
 pub mod contact;
 pub mod convert;
 pub mod detection;
+pub mod hull;
 pub mod narrow_phase;
 pub mod shape;
+pub mod tree;
+pub mod triangle;
+
+pub use broad_phase::{SurfaceError, SurfaceGeometry};
+pub use contact::{Contact, ContactSet};
+pub use detection::{ContactKind, DetectionConfig, DetectionReport, DetectionWorkspace, detect};
+pub use shape::{ShapeError, ToolShape};

@@ -1,1 +1,217 @@
 //! Gap, normal and support of one tissue feature against one tool.
+//!
+//! Let `x` be a tissue point, `s` the outward normal of the skin there, `d(x)` the signed distance to the tool and
+//! `n = ∇d` its unit gradient, which points from the tool to the tissue. Near the skin `gap = d(x)` with normal `n`.
+//!
+//! A triangle has two faces for a distance: once the tool has passed below the skin, `n` points out of the body and
+//! a force along it would pull the tool through. Two nearby states need the same answer there, so the rule bends `n`
+//! instead of switching it. With `k = -n · s` (1 where the tool pushes straight into the tissue, -1 where it pulls):
+//!
+//! * `k >= 1/2`: the normal is `n`, the gap `d(x)`.
+//! * below, `n` without its outward part is blended with `-s`: by the share `w m`, where `m` rises from 0 at `k = 1/2`
+//!   to 1 at `k <= 0`, and `w` rises from 0 at the tool's outline, seen along `s`, to 1 within it. The gap is measured
+//!   to the tool's tangent plane with that normal, `(x - support(n)) · n`.
+//!
+//! So `normal · (-s) >= 0` always. The gap is continuous in `x` and in the tool's place, agrees with `d` where `k = 1/2`
+//! and at the outline of a tool as deep as its widest place, and never grows while the tool goes deeper. Directly below
+//! the tool's middle it is the depth of the tool's lowest point: the tool leaves through the side it came from, never
+//! sideways through a hole. Features with `k < 0` outside the outline are not touched by the tool at all.
+//!
+//! A hull also touches with its own corners (the skin's normal is then the normal) and edges (the common perpendicular).
+
+use nalgebra::{Isometry3, Vector3};
+
+use crate::contact::{FeatureKind, feature_id};
+use crate::hull::ConvexHull;
+use crate::shape::ToolShape;
+use crate::triangle::{TrianglePoint, barycentric, closest_on_triangle, closest_to_segment, overlap};
+
+/// Cosine between `-s` and the nearest way out below which the skin decides the direction: 60 degrees. A node on the
+/// corner of a box has a normal 55 degrees from each face, and must still be pushed straight by a tool on one of them.
+const TRUSTED: f64 = 0.5;
+
+/// Gap and normal of a tissue point against a tool.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touch {
+    /// Unit vector from the tool towards the tissue.
+    pub normal: Vector3<f64>,
+    /// Gap along it [m].
+    pub gap: f64,
+    /// `k`: 1 where the nearest way out of the tissue leads straight out of the skin, negative where the tool lies
+    /// below the skin at this point, or where the skin is the far side of a thin organ.
+    pub facing: f64,
+}
+
+/// The gap of a tissue point `x` [m] with outward skin normal `skin`; none where the tool neither faces nor covers it.
+///
+/// A zero `skin` (normals that cancel) leaves the distance as it is.
+pub fn touch(tool: &ToolShape, pose: &Isometry3<f64>, x: &Vector3<f64>, skin: &Vector3<f64>) -> Option<Touch> {
+    let near = tool.signed_distance(pose, x);
+    let along = |normal: Vector3<f64>, facing: f64| {
+        let gap = (x - tool.support(pose, &normal)).dot(&normal);
+        gap.is_finite().then_some(Touch { normal, gap, facing })
+    };
+    let no_skin = skin.norm_squared() < 0.5;
+    if near.normal == Vector3::zeros() {
+        // On the axis every way out is equally near; the skin knows the right one.
+        return if no_skin { None } else { along(-skin, 0.0) };
+    }
+    let k = if no_skin { 1.0 } else { -near.normal.dot(skin) };
+    if k >= TRUSTED {
+        return near.distance.is_finite().then_some(Touch { normal: near.normal, gap: near.distance, facing: k });
+    }
+    let lateral = tool.lateral_distance(pose, x, skin);
+    if lateral >= 0.0 || lateral.is_nan() {
+        let open = k >= 0.0 && near.distance.is_finite();
+        return open.then_some(Touch { normal: near.normal, gap: near.distance, facing: k });
+    }
+    let covered = (-2.0 * lateral / tool.inner_radius()).min(1.0);
+    let share = covered * ((TRUSTED - k) / TRUSTED).min(1.0);
+    let sideways = if k >= 0.0 { near.normal } else { (near.normal + skin * k).try_normalize(1e-9).unwrap_or(-skin) };
+    along((sideways * (1.0 - share) - skin * share).try_normalize(1e-9)?, k)
+}
+
+/// Calls `visit` with the points of a triangle at which a sphere or capsule with this axis touches it, each with the
+/// number of the tool's feature: 0 for the closest point, 1 and 2 for the two ends of a capsule that lies on the face.
+///
+/// One closest point cannot hold a capsule on a face: it would rock through. Where the axis is within 30 degrees of the
+/// face, both ends of the part above the triangle touch as well.
+pub fn samples(axis: &[Vector3<f64>; 2], corners: &[Vector3<f64>; 3], mut visit: impl FnMut(TrianglePoint, u32)) {
+    let [p, q] = axis;
+    if p == q {
+        return visit(closest_on_triangle(p, corners), 0);
+    }
+    visit(closest_to_segment(p, q, corners), 0);
+    let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
+    if (q - p).dot(&normal).abs() > 0.5 * (q - p).norm() * normal.norm() {
+        return;
+    }
+    let Some((from, to)) = overlap(p, q, corners) else { return };
+    for (t, end) in [(from, 1), (to, 2)] {
+        let Some(weights) = barycentric(&(p + (q - p) * t), corners) else { continue };
+        let at_end = t <= 0.0 || t >= 1.0;
+        visit(on_boundary(weights, !at_end), if at_end { end } else { 0 });
+    }
+}
+
+/// A point by its weights; `clipped` where it lies on an edge but for rounding.
+fn on_boundary(mut weights: [f64; 3], clipped: bool) -> TrianglePoint {
+    let least = if clipped { weights.iter().copied().fold(f64::INFINITY, f64::min) } else { f64::NEG_INFINITY };
+    for w in &mut weights {
+        if *w <= least || *w < 1e-9 {
+            *w = 0.0;
+        }
+    }
+    let sum: f64 = weights.iter().sum();
+    weights.iter_mut().for_each(|w| *w /= sum);
+    let zero = |k: usize| weights[k % 3] == 0.0;
+    let vertex = (0..3).find(|&k| zero(k + 1) && zero(k + 2));
+    let edge = (0..3).find(|&k| zero(k + 2));
+    match (vertex, edge) {
+        (Some(local), _) => TrianglePoint { weights, kind: FeatureKind::Vertex, local },
+        (None, Some(local)) => TrianglePoint { weights, kind: FeatureKind::Edge, local },
+        (None, None) => TrianglePoint { weights, kind: FeatureKind::Triangle, local: 0 },
+    }
+}
+
+/// A hull's corners and face normals in the world frame, moved once per detection.
+#[derive(Clone, Debug, Default)]
+pub struct HullInWorld {
+    vertices: Vec<Vector3<f64>>,
+    normals: Vec<Vector3<f64>>,
+}
+
+impl HullInWorld {
+    /// Refills from the hull and its pose; allocates only where the hull is larger than any before.
+    pub fn place(&mut self, hull: &ConvexHull, pose: &Isometry3<f64>) {
+        self.vertices.clear();
+        self.vertices.extend(hull.vertices().iter().map(|v| pose.rotation * v + pose.translation.vector));
+        self.normals.clear();
+        self.normals.extend(hull.normals().iter().map(|n| pose.rotation * n));
+    }
+
+    /// Calls `visit` with each corner of the hull that stands on the triangle: its number, the point, and the touch.
+    ///
+    /// A corner stands on a plane where no neighbouring corner lies farther in the direction of the plane's back, but
+    /// for a degree: other corners than the foremost say nothing that the foremost does not.
+    pub fn corners_on_triangle(
+        &self,
+        hull: &ConvexHull,
+        corners: &[Vector3<f64>; 3],
+        mut visit: impl FnMut(u32, TrianglePoint, Vector3<f64>, Touch),
+    ) {
+        let cross = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
+        let Some(skin) = cross.try_normalize(f64::MIN_POSITIVE) else { return };
+        for (k, v) in self.vertices.iter().enumerate() {
+            let Some(weights) = barycentric(v, corners) else { return };
+            if weights.iter().any(|w| *w < -1e-9) {
+                continue;
+            }
+            let foremost = hull.neighbours(k).iter().all(|&w| {
+                let edge = self.vertices[w as usize] - v;
+                -edge.dot(&skin) <= 0.0175 * edge.norm()
+            });
+            if foremost {
+                let gap = (v - corners[0]).dot(&skin);
+                let facing = if -gap > hull.inner_radius() { -1.0 } else { 1.0 };
+                visit(k as u32, on_boundary(weights, false), skin, Touch { normal: -skin, gap, facing });
+            }
+        }
+    }
+
+    /// Calls `visit` with each edge of the hull that crosses the edge `a b` of the surface: its number, the place on the
+    /// surface's edge in `[0, 1]`, and the touch along their common perpendicular.
+    ///
+    /// The perpendicular must lie between the normals of the hull's two faces and within 60 degrees of `-skin`.
+    pub fn edges_on_edge(
+        &self,
+        hull: &ConvexHull,
+        [a, b]: [Vector3<f64>; 2],
+        skin: &Vector3<f64>,
+        within: f64,
+        mut visit: impl FnMut(u32, f64, Touch),
+    ) {
+        let tissue = b - a;
+        for (number, edge) in hull.edges().iter().enumerate() {
+            let [p, q] = edge.vertices.map(|v| self.vertices[v as usize]);
+            let tool = q - p;
+            let apart = ((a + b) - (p + q)).norm() / 2.0;
+            if apart > (tissue.norm() + tool.norm()) / 2.0 + within {
+                continue;
+            }
+            let cross = tool.cross(&tissue);
+            // Edges within a thousandth of parallel have no common perpendicular worth the name; corners hold them.
+            let Some(mut normal) = cross.try_normalize(1e-3 * tool.norm() * tissue.norm()) else { continue };
+            let [n, m] = edge.faces.map(|f| self.normals[f as usize]);
+            if normal.dot(&(n + m)) < 0.0 {
+                normal = -normal;
+            }
+            let wedge = n.cross(&m);
+            if n.cross(&normal).dot(&wedge) < 0.0 || normal.cross(&m).dot(&wedge) < 0.0 {
+                continue;
+            }
+            let facing = -normal.dot(skin);
+            if facing.is_nan() || facing < TRUSTED {
+                continue;
+            }
+            let gap = (a - p).dot(&normal);
+            // Both lines lie in planes across `normal`: solve tool * s - tissue * t = a - p within them.
+            let area = cross.norm_squared();
+            let s = (a - p).cross(&tissue).dot(&cross) / area;
+            let t = (a - p).cross(&tool).dot(&cross) / area;
+            if (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t) {
+                let facing = if -gap > hull.inner_radius() { -1.0 } else { facing };
+                visit(number as u32, t, Touch { normal, gap, facing });
+            }
+        }
+    }
+}
+
+/// Identifier of a point of a surface triangle.
+pub fn point_feature(triangle: u32, nodes: &[u32; 3], edges: &[u32; 3], point: &TrianglePoint, tool: u32) -> u64 {
+    match point.kind {
+        FeatureKind::Vertex => feature_id(FeatureKind::Vertex, nodes[point.local], tool),
+        FeatureKind::Edge => feature_id(FeatureKind::Edge, edges[point.local], tool),
+        FeatureKind::Triangle => feature_id(FeatureKind::Triangle, triangle, tool),
+    }
+}

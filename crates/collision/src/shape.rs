@@ -1,1 +1,280 @@
-//! Tool shapes.
+//! Tool shapes: sphere, capsule, convex hull. Lengths in m, in the tool's own frame.
+//!
+//! A tool has no mass and no degrees of freedom: its pose comes from the device. Every query takes the pose that maps
+//! the tool's frame to the world.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::hull::ConvexHull;
+
+/// A shape that cannot be a tool.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum ShapeError {
+    /// A length that is not positive and finite.
+    #[error("tool shape: {what} = {value} m must be {bound} and finite")]
+    Length {
+        /// Which length.
+        what: &'static str,
+        /// The length given [m].
+        value: f64,
+        /// What it must be.
+        bound: &'static str,
+    },
+    /// A coordinate that is not a number.
+    #[error("tool shape: {what}[{index}] is not finite")]
+    NotFinite {
+        /// Which list.
+        what: &'static str,
+        /// Position in it.
+        index: usize,
+    },
+    /// Points that have no convex hull with a volume.
+    #[error(
+        "tool shape: no convex hull of {points} vertices: {reason}; give at least 4 points that do not lie in a plane"
+    )]
+    Hull {
+        /// Number of points given.
+        points: usize,
+        /// What failed.
+        reason: String,
+    },
+}
+
+/// The nearest point of a tool's surface to a point of space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolPoint {
+    /// Signed distance [m], negative inside the tool.
+    pub distance: f64,
+    /// The nearest point of the tool's surface [m].
+    pub point: Vector3<f64>,
+    /// The tool's outward unit normal there; zero where no direction is nearest (centre of a sphere, axis of a
+    /// capsule), and then `point` is the query itself.
+    pub normal: Vector3<f64>,
+}
+
+/// A ball inside a tool; balls of [`ToolShape::probes`] tell where a tool lies relative to the skin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probe {
+    /// Centre [m].
+    pub centre: Vector3<f64>,
+    /// Radius [m]; 0 for a corner of a hull.
+    pub radius: f64,
+}
+
+/// The shape of a tool. Description; valid by construction, also when read from a file.
+///
+/// Serialised as `{ kind = "sphere", radius = 0.005 }`, `{ kind = "capsule", half_length = 0.02, radius = 0.003 }` or
+/// `{ kind = "convex", vertices = [[x, y, z], ...] }`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "ShapeConfig", into = "ShapeConfig")]
+pub struct ToolShape {
+    geometry: Geometry,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Geometry {
+    Sphere { radius: f64 },
+    Capsule { half_length: f64, radius: f64 },
+    Convex(Box<ConvexHull>),
+}
+
+/// What a scene file says of a shape.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+enum ShapeConfig {
+    Sphere { radius: f64 },
+    Capsule { half_length: f64, radius: f64 },
+    Convex { vertices: Vec<[f64; 3]> },
+}
+
+impl TryFrom<ShapeConfig> for ToolShape {
+    type Error = ShapeError;
+
+    fn try_from(config: ShapeConfig) -> Result<Self, ShapeError> {
+        match config {
+            ShapeConfig::Sphere { radius } => Self::sphere(radius),
+            ShapeConfig::Capsule { half_length, radius } => Self::capsule(half_length, radius),
+            ShapeConfig::Convex { vertices } => {
+                Self::convex(&vertices.into_iter().map(Vector3::from).collect::<Vec<_>>())
+            }
+        }
+    }
+}
+
+impl From<ToolShape> for ShapeConfig {
+    fn from(shape: ToolShape) -> Self {
+        match shape.geometry {
+            Geometry::Sphere { radius } => Self::Sphere { radius },
+            Geometry::Capsule { half_length, radius } => Self::Capsule { half_length, radius },
+            Geometry::Convex(hull) => Self::Convex { vertices: hull.vertices().iter().map(|v| (*v).into()).collect() },
+        }
+    }
+}
+
+fn positive(what: &'static str, value: f64) -> Result<f64, ShapeError> {
+    if value > 0.0 && value.is_finite() {
+        Ok(value)
+    } else {
+        Err(ShapeError::Length { what, value, bound: "positive" })
+    }
+}
+
+impl ToolShape {
+    /// A ball about the origin of the tool's frame.
+    ///
+    /// # Errors
+    /// [`ShapeError::Length`] where `radius` [m] is not positive.
+    pub fn sphere(radius: f64) -> Result<Self, ShapeError> {
+        Ok(Self { geometry: Geometry::Sphere { radius: positive("radius", radius)? } })
+    }
+
+    /// All points within `radius` of the segment from `-half_length` to `half_length` on the z axis.
+    ///
+    /// # Errors
+    /// [`ShapeError::Length`] where `radius` is not positive or `half_length` is negative [m].
+    pub fn capsule(half_length: f64, radius: f64) -> Result<Self, ShapeError> {
+        if !(half_length >= 0.0 && half_length.is_finite()) {
+            return Err(ShapeError::Length { what: "half_length", value: half_length, bound: "at least zero" });
+        }
+        Ok(Self { geometry: Geometry::Capsule { half_length, radius: positive("radius", radius)? } })
+    }
+
+    /// The convex hull of `vertices` [m].
+    ///
+    /// # Errors
+    /// [`ShapeError::Hull`] where they span no volume; [`ShapeError::NotFinite`].
+    pub fn convex(vertices: &[Vector3<f64>]) -> Result<Self, ShapeError> {
+        Ok(Self { geometry: Geometry::Convex(Box::new(ConvexHull::new(vertices)?)) })
+    }
+
+    /// The hull, if the shape is one.
+    pub fn hull(&self) -> Option<&ConvexHull> {
+        match &self.geometry {
+            Geometry::Convex(hull) => Some(hull),
+            _ => None,
+        }
+    }
+
+    /// Ends of the axis of a sphere (the centre, twice) or capsule in the world frame [m]; none for a hull.
+    pub fn axis(&self, pose: &Isometry3<f64>) -> Option<[Vector3<f64>; 2]> {
+        match &self.geometry {
+            Geometry::Sphere { .. } => Some([pose.translation.vector; 2]),
+            Geometry::Capsule { half_length, .. } => {
+                let half = pose.rotation * Vector3::z() * *half_length;
+                Some([pose.translation.vector - half, pose.translation.vector + half])
+            }
+            Geometry::Convex(_) => None,
+        }
+    }
+
+    /// Nearest point of the tool to `point`, all in the world frame [m].
+    pub fn signed_distance(&self, pose: &Isometry3<f64>, point: &Vector3<f64>) -> ToolPoint {
+        let local = pose.inverse_transform_point(&Point3::from(*point)).coords;
+        let near = match &self.geometry {
+            Geometry::Sphere { radius } => from_core(&local, Vector3::zeros(), *radius),
+            Geometry::Capsule { half_length, radius } => {
+                from_core(&local, Vector3::new(0.0, 0.0, local.z.clamp(-half_length, *half_length)), *radius)
+            }
+            Geometry::Convex(hull) => hull.signed_distance(&local),
+        };
+        ToolPoint {
+            distance: near.distance,
+            point: pose.transform_point(&Point3::from(near.point)).coords,
+            normal: pose.rotation * near.normal,
+        }
+    }
+
+    /// The tool's point that lies farthest along `direction` (unit vector, world frame) [m].
+    pub fn support(&self, pose: &Isometry3<f64>, direction: &Vector3<f64>) -> Vector3<f64> {
+        let local = pose.rotation.inverse_transform_vector(direction);
+        let point = match &self.geometry {
+            Geometry::Sphere { radius } => local * *radius,
+            Geometry::Capsule { half_length, radius } => {
+                Vector3::new(0.0, 0.0, half_length.copysign(local.z)) + local * *radius
+            }
+            Geometry::Convex(hull) => hull.support(&local),
+        };
+        pose.transform_point(&Point3::from(point)).coords
+    }
+
+    /// Signed distance [m] of `point` to the tool's outline seen along the unit `direction`: negative where the line
+    /// through the point along the direction meets the tool.
+    pub fn lateral_distance(&self, pose: &Isometry3<f64>, point: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
+        let local = pose.inverse_transform_point(&Point3::from(*point)).coords;
+        let along = pose.rotation.inverse_transform_vector(direction);
+        let flat = |v: Vector3<f64>| v - along * along.dot(&v);
+        match &self.geometry {
+            Geometry::Sphere { radius } => flat(local).norm() - radius,
+            Geometry::Capsule { half_length, radius } => {
+                let (x, axis) = (flat(local), flat(Vector3::z()));
+                let length = axis.norm_squared();
+                let t = if length > 0.0 { (x.dot(&axis) / length).clamp(-half_length, *half_length) } else { 0.0 };
+                (x - axis * t).norm() - radius
+            }
+            Geometry::Convex(hull) => hull.lateral_distance(&local, &along),
+        }
+    }
+
+    /// Radius of a ball inside the tool [m]: the depth up to which the nearest way out can be trusted.
+    pub fn inner_radius(&self) -> f64 {
+        match &self.geometry {
+            Geometry::Sphere { radius } | Geometry::Capsule { radius, .. } => *radius,
+            Geometry::Convex(hull) => hull.inner_radius(),
+        }
+    }
+
+    /// Centre and radius of a ball that holds the tool, in the world frame [m].
+    pub fn bounding_sphere(&self, pose: &Isometry3<f64>) -> (Vector3<f64>, f64) {
+        match &self.geometry {
+            Geometry::Sphere { radius } => (pose.translation.vector, *radius),
+            Geometry::Capsule { half_length, radius } => (pose.translation.vector, half_length + radius),
+            Geometry::Convex(hull) => (pose.transform_point(&Point3::from(hull.centre())).coords, hull.outer_radius()),
+        }
+    }
+
+    /// Lower and upper corner of the box along the world's axes that holds the tool [m].
+    pub fn bounding_box(&self, pose: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        let mut low = Vector3::repeat(f64::INFINITY);
+        let mut high = Vector3::repeat(f64::NEG_INFINITY);
+        for k in 0..3 {
+            let direction = Vector3::ith(k, 1.0);
+            high[k] = self.support(pose, &direction)[k];
+            low[k] = self.support(pose, &-direction)[k];
+        }
+        (low, high)
+    }
+
+    /// Balls inside the tool whose places tell on which side of the skin the tool lies, in the world frame:
+    /// the centre of a sphere; centre and ends of a capsule; centre and extreme corners of a hull.
+    pub fn probes<'a>(&'a self, pose: &'a Isometry3<f64>) -> impl Iterator<Item = Probe> + 'a {
+        let world = |v: Vector3<f64>| pose.transform_point(&Point3::from(v)).coords;
+        let (first, ends, corners) = match &self.geometry {
+            Geometry::Sphere { radius } => (Probe { centre: Vector3::zeros(), radius: *radius }, None, None),
+            Geometry::Capsule { half_length, radius } => {
+                let end = |z| Probe { centre: Vector3::new(0.0, 0.0, z), radius: *radius };
+                (end(0.0), Some([end(-half_length), end(*half_length)]), None)
+            }
+            Geometry::Convex(hull) => {
+                (Probe { centre: hull.centre(), radius: hull.inner_radius() }, None, Some(hull.extremes()))
+            }
+        };
+        std::iter::once(first)
+            .chain(ends.into_iter().flatten())
+            .chain(corners.into_iter().flatten().map(|centre| Probe { centre, radius: 0.0 }))
+            .map(move |probe| Probe { centre: world(probe.centre), ..probe })
+    }
+}
+
+/// Distance to a ball of `radius` about the nearest point `core` of an axis.
+fn from_core(x: &Vector3<f64>, core: Vector3<f64>, radius: f64) -> ToolPoint {
+    let away = x - core;
+    let distance = away.norm();
+    // Closer to the axis than rounding lets a direction be known.
+    if distance <= 1e-12 * radius {
+        return ToolPoint { distance: -radius, point: *x, normal: Vector3::zeros() };
+    }
+    let normal = away / distance;
+    ToolPoint { distance: distance - radius, point: core + normal * radius, normal }
+}
