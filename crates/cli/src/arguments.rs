@@ -1,0 +1,170 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+const EXAMPLES: &str = "Examples:
+  palpate run liver                          press a human liver for ten seconds, in real time
+  palpate run liver --lockstep --steps 90    the same in virtual time: equal bits on every run
+  palpate run my_scene.toml --no-trace --csv steps.csv --json > summary.json
+  palpate check my_scene.toml                find mistakes, print what was understood
+  palpate mesh organ.msh                     size, quality and faults of a mesh
+  palpate mesh make liver.inr.gz --cell 10mm --out organ.vtu
+  palpate replay liver.mcap                  run a lockstep trace again and compare every force";
+
+/// Real-time haptic simulation of soft tissue.
+#[derive(Debug, Parser)]
+#[command(name = "palpate", version, about, after_help = EXAMPLES)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Run a scene: a file, or the name of a bundled scene.
+    Run(RunArguments),
+    /// Validate a scene and print what was understood.
+    Check {
+        /// Scene file or name of a bundled scene.
+        scene: String,
+    },
+    /// Describe a mesh, or make one (`palpate mesh make --help`).
+    #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+    Mesh(MeshArguments),
+    /// List the bundled scenes.
+    Scenes,
+    /// Run a recorded trace again in lockstep and compare every force with the record.
+    Replay {
+        /// The trace.
+        trace: PathBuf,
+    },
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RunArguments {
+    /// Scene file or name of a bundled scene (see `palpate scenes`).
+    pub(crate) scene: String,
+    /// Mesh to use in place of the scene's own.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) mesh: Option<PathBuf>,
+    /// Factor from the unit of `--mesh` to metres (0.001 for millimetres).
+    #[arg(long, value_name = "FACTOR", requires = "mesh")]
+    pub(crate) scale: Option<f64>,
+    /// Lattice constant of generated tetrahedra, with a unit: 12mm, 0.9cm, 0.01 (metres).
+    #[arg(long, value_name = "LENGTH", value_parser = length, conflicts_with = "mesh")]
+    pub(crate) cell: Option<f64>,
+    /// Simulated seconds; the scene's own length by default.
+    #[arg(long, value_name = "S")]
+    pub(crate) seconds: Option<f64>,
+    /// Number of steps, in place of seconds.
+    #[arg(long, value_name = "N", conflicts_with = "seconds")]
+    pub(crate) steps: Option<u64>,
+    /// Run in virtual time on one thread: repeatable to the last bit.
+    #[arg(long)]
+    pub(crate) lockstep: bool,
+    /// Worker threads of the step; all cores by default.
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<usize>,
+    /// Write no trace and no picture.
+    #[arg(long, conflicts_with = "trace")]
+    pub(crate) no_trace: bool,
+    /// Trace file; `SCENE.mcap` by default. The picture lies beside it.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) trace: Option<PathBuf>,
+    /// Write the end state of the body as VTU.
+    #[arg(long = "final", value_name = "FILE")]
+    pub(crate) final_state: Option<PathBuf>,
+    /// Write one row per step as CSV.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) csv: Option<PathBuf>,
+    /// Print the summary as JSON instead of a table.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Print no progress line.
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct MeshArguments {
+    #[command(subcommand)]
+    pub(crate) make: Option<MeshCommand>,
+    /// Mesh file: Gmsh MSH 1, 2.2, 4.1, VTK, VTU, MEDIT or TetGen.
+    #[arg(required = true)]
+    pub(crate) file: Option<PathBuf>,
+    /// Factor from the unit of the file to metres (0.001 for millimetres).
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    pub(crate) scale: f64,
+    /// Print the description as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum MeshCommand {
+    /// Make tetrahedra from a label image (INRIMAGE, NIfTI) or a closed surface (STL, OBJ, PLY).
+    #[command(after_help = "Examples:
+  palpate mesh make liver.inr.gz --cell 10mm --out organ.vtu
+  palpate mesh make kidney.stl --scale 0.001 --cell 4mm --out kidney.vtu")]
+    Make {
+        /// Label image or closed surface.
+        image: PathBuf,
+        /// Lattice constant, with a unit: 10mm, 1cm, 0.01 (metres).
+        #[arg(long, value_name = "LENGTH", value_parser = length)]
+        cell: f64,
+        /// Mesh file to write (.vtu).
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
+        /// Factor from the unit of a surface file to metres; label images carry their own spacing.
+        #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+        scale: f64,
+        /// Overwrite the output.
+        #[arg(long)]
+        force: bool,
+    },
+}
+
+/// A length with a unit, in metres.
+fn length(text: &str) -> Result<f64, String> {
+    let (number, unit) = match text.find(|c: char| c.is_ascii_alphabetic() && c != 'e' && c != 'E') {
+        Some(at) => text.split_at(at),
+        None => (text, "m"),
+    };
+    let factor = match unit.trim() {
+        "m" => 1.0,
+        "cm" => 1e-2,
+        "mm" => 1e-3,
+        "um" | "µm" => 1e-6,
+        other => return Err(format!("unknown unit `{other}`: use mm, cm or m")),
+    };
+    let value: f64 = number.trim().parse().map_err(|_| format!("`{number}` is not a number"))?;
+    if value > 0.0 && value.is_finite() {
+        Ok(value * factor)
+    } else {
+        Err(format!("{value} {unit} is not a positive length"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn lengths_carry_their_unit() {
+        for (text, metres) in [("10mm", 0.01), ("1 cm", 0.01), ("0.01", 0.01), ("1e-2m", 0.01)] {
+            assert!((length(text).unwrap() - metres).abs() < 1e-15, "{text}");
+        }
+        for text in ["", "-1mm", "3 furlongs", "mm", "nan", "inf"] {
+            assert!(length(text).is_err(), "{text}");
+        }
+    }
+}

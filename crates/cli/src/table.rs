@@ -1,0 +1,74 @@
+//! The summary of a run as a table.
+
+use comfy_table::{Cell, CellAlignment, Table, presets};
+use palpate::summary::{Percentiles, RunEnd, RunSummary};
+
+/// The summary as text.
+pub(crate) fn summary(s: &RunSummary) -> String {
+    let end = match s.end {
+        RunEnd::Completed => "completed",
+        RunEnd::Interrupted => "interrupted",
+        RunEnd::BodyFailed => "STOPPED: the body became non-finite and was rolled back",
+    };
+    let mut lines = vec![format!(
+        "{} ({}, {} nodes, {} tetrahedra): {:.2} s, {end}",
+        s.scene, s.mode, s.nodes, s.tetrahedra, s.simulated
+    )];
+    lines.push(tails(s).to_string());
+    lines.push(facts(s).to_string());
+    if let Some(trace) = &s.trace {
+        let trouble = trace.error.as_deref().map(|e| format!("; {e}")).unwrap_or_default();
+        lines.push(format!(
+            "trace: {} messages, {:.1} kB, {} dropped{trouble}",
+            trace.messages,
+            trace.bytes as f64 / 1e3,
+            trace.dropped
+        ));
+    }
+    lines.extend(s.notes.iter().map(|n| format!("note: {n}")));
+    lines.extend(s.files.iter().map(|f| format!("wrote {}", f.display())));
+    lines.join("\n")
+}
+
+fn tails(s: &RunSummary) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_FULL_CONDENSED);
+    table.set_header(["", "p50", "p99", "p99.9", "max"]);
+    let mut row = |name: &str, p: &Percentiles, scale: f64, digits: usize| {
+        let value = |v: f64| Cell::new(format!("{:.digits$}", v * scale)).set_alignment(CellAlignment::Right);
+        table.add_row([Cell::new(name), value(p.p50), value(p.p99), value(p.p999), value(p.max)]);
+    };
+    row("tick work [µs]", &s.tick_work, 1e6, 1);
+    row("tick wake-up latency [µs]", &s.tick_latency, 1e6, 1);
+    row("step work [ms]", &s.step_work, 1e3, 2);
+    row("factorisation [ms]", &s.factor_work, 1e3, 2);
+    row("age of the factor [ms]", &s.factor_age, 1e3, 0);
+    row("CG iterations", &s.iterations, 1.0, 0);
+    row("contacts", &s.contacts, 1.0, 0);
+    table
+}
+
+fn facts(s: &RunSummary) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_FULL_CONDENSED);
+    if s.wall > 0.0 {
+        table.add_row([
+            "rates reached: step / factor / tick [Hz]".to_string(),
+            format!("{:.2} / {:.2} / {:.1}", s.step_rate, s.factor_rate, s.tick_rate),
+        ]);
+    }
+    table.add_row(["steps / factors / ticks".to_string(), format!("{} / {} / {}", s.steps, s.factors, s.ticks)]);
+    table.add_row(["overruns: step / tick".to_string(), format!("{} / {}", s.step_overruns, s.tick_overruns)]);
+    table.add_row([
+        "worst complementarity residual: step / tick".to_string(),
+        format!("{:.2e} / {:.2e}", s.worst_residual, s.worst_tick_residual),
+    ]);
+    table.add_row(["largest force [N]".to_string(), format!("{:.3}", s.largest_force)]);
+    table.add_row(["largest jump at a new snapshot [N]".to_string(), format!("{:.4}", s.largest_jump)]);
+    table.add_row([
+        "contacts dropped / factors refused".to_string(),
+        format!("{} / {}", s.contacts_dropped, s.factors_refused),
+    ]);
+    table.add_row(["elements filtered / inverted".to_string(), format!("{} / {}", s.filtered, s.inverted)]);
+    table
+}

@@ -1,0 +1,103 @@
+//! The three stages of a run and what lies between them: made once, then moved to threads or driven in lockstep.
+
+use nalgebra::Isometry3;
+use palpate_fem::model::FemState;
+use palpate_haptics::exchange::{Reader, Writer, latest};
+use palpate_haptics::snapshot::HapticSnapshot;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::gathering::Gathering;
+use crate::record::{FactorLine, StepLine, TraceLines};
+use crate::refresh::{MatrixSample, Refresh, RefreshPort, refresh};
+use crate::run::{RunError, RunOptions, RunOutcome};
+use crate::settle::settle;
+use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, step};
+use crate::tick::Ticker;
+use crate::world::World;
+
+/// All stages of a run.
+pub(crate) struct Engine<'w> {
+    pub(crate) world: &'w World,
+    pub(crate) stage: StepStage<'w>,
+    pub(crate) refresh: Refresh,
+    pub(crate) refresh_trace: FactorLine,
+    pub(crate) ticker: Ticker,
+    pub(crate) trace: Option<TraceLines>,
+    pub(crate) notes: Vec<String>,
+}
+
+impl<'w> Engine<'w> {
+    /// Settles the body, factors its first matrix, opens device and trace.
+    pub(crate) fn new(world: &'w World, options: &RunOptions) -> Result<Self, RunError> {
+        let mut notes = Vec::new();
+        let (rest, settled) = settle(world);
+        if !settled {
+            notes.push("the body did not settle under gravity; it begins as near to rest as it came".to_string());
+        }
+        let mut ws = StepWorkspace::new(world);
+        let first = first_matrix(world, &rest, &mut ws);
+        let (port, refresh) =
+            refresh(world.symbolic(), &first).map_err(|status| RunError::Factorization { status: format!("{status:?}") })?;
+        let pose = world.first_pose();
+        let (pose_writer, pose_reader) = latest(&pose);
+        let (snapshot_writer, snapshot_reader) = latest(&HapticSnapshot::new(world.detection().max_contacts));
+        let (step_line, tick_line, refresh_trace, trace) = TraceLines::open(world, options)?;
+        let ticker = Ticker::new(world, snapshot_reader, pose_writer, tick_line)?;
+        let state = StepState::new(world, rest);
+        let stage =
+            StepStage { world, state, ws, port, snapshots: snapshot_writer, poses: pose_reader, line: step_line };
+        Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes })
+    }
+
+    /// Ends the trace and sums the run up. `wall` is the time it took in real time [s].
+    pub(crate) fn finish(self, mut gathering: Gathering, wall: Option<f64>) -> RunOutcome {
+        let trace = self.trace.map(TraceLines::finish);
+        gathering.notes.splice(0..0, self.notes);
+        RunOutcome { summary: gathering.summary(self.world, wall, trace), state: self.stage.state.fem }
+    }
+}
+
+/// The matrix of the settled body, for the factor that exists before the first step.
+fn first_matrix(world: &World, rest: &FemState, ws: &mut StepWorkspace) -> MatrixSample {
+    palpate_fem::assembly::assemble(world.model(), rest, world.dt(), &[], &mut ws.fem);
+    MatrixSample { step: 0, time: 0.0, q: rest.q.clone(), system: ws.fem.system.clone() }
+}
+
+/// The worker threads of the step.
+pub(crate) fn workers(threads: Option<usize>) -> Result<ThreadPool, RunError> {
+    ThreadPoolBuilder::new()
+        .num_threads(threads.unwrap_or(0))
+        .thread_name(|k| format!("palpate-worker-{k}"))
+        .build()
+        .map_err(|e| RunError::Threads(e.to_string()))
+}
+
+/// The step with everything that it reads and writes.
+pub(crate) struct StepStage<'w> {
+    world: &'w World,
+    state: StepState,
+    ws: StepWorkspace,
+    port: RefreshPort,
+    snapshots: Writer<HapticSnapshot>,
+    poses: Reader<Isometry3<f64>>,
+    line: StepLine,
+}
+
+impl StepStage<'_> {
+    /// One step at `time` [s]: latest pose and factor in, snapshot and (where wanted) matrix out.
+    pub(crate) fn advance(&mut self, time: f64) -> StepReport {
+        let input = StepInput { time, tool: *self.poses.latest(), factor: self.port.factor() };
+        let report = step(self.world, &input, &mut self.state, &mut self.ws, self.snapshots.value_mut());
+        self.snapshots.publish();
+        if report.status == StepStatus::Advanced {
+            self.port.offer(report.step, time, self.state.before(), &self.ws.fem.system);
+        }
+        report
+    }
+
+    /// Hands the report and the new shape to the trace; `keep_times` is false in lockstep, where wall times would make
+    /// equal runs unequal.
+    pub(crate) fn trace(&mut self, report: &StepReport, keep_times: bool) {
+        self.line.push(report, &self.state.fem, keep_times);
+    }
+}

@@ -1,0 +1,164 @@
+//! Gathers the reports of a run into its summary.
+
+use crate::record::TraceOutcome;
+use crate::refresh::RefreshReport;
+use crate::run::{Observer, Progress};
+use crate::step::{StepReport, StepStatus};
+use crate::summary::{RunEnd, RunSummary, Tail};
+use crate::tick::TickReport;
+use crate::world::World;
+
+/// Tails, counts and extremes of a run so far.
+pub(crate) struct Gathering {
+    pub(crate) end: RunEnd,
+    pub(crate) failed: bool,
+    pub(crate) missed: u64,
+    pub(crate) notes: Vec<String>,
+    step_work: Tail,
+    factor_work: Tail,
+    tick_work: Tail,
+    tick_latency: Tail,
+    iterations: Tail,
+    factor_age: Tail,
+    contacts: Tail,
+    active: usize,
+    time: f64,
+    force: f64,
+    step_overruns: u64,
+    tick_overruns: u64,
+    factors_refused: u64,
+    contacts_dropped: u64,
+    filtered: u64,
+    inverted: u64,
+    worst_residual: f64,
+    worst_tick_residual: f64,
+    largest_force: f64,
+    largest_jump: f64,
+}
+
+impl Gathering {
+    pub(crate) fn new() -> Self {
+        let nanoseconds = || Tail::new(1e-9);
+        Self {
+            end: RunEnd::Completed,
+            failed: false,
+            missed: 0,
+            notes: Vec::new(),
+            step_work: nanoseconds(),
+            factor_work: nanoseconds(),
+            tick_work: nanoseconds(),
+            tick_latency: nanoseconds(),
+            iterations: Tail::new(1.0),
+            factor_age: Tail::new(1e-6),
+            contacts: Tail::new(1.0),
+            active: 0,
+            time: 0.0,
+            force: 0.0,
+            step_overruns: 0,
+            tick_overruns: 0,
+            factors_refused: 0,
+            contacts_dropped: 0,
+            filtered: 0,
+            inverted: 0,
+            worst_residual: 0.0,
+            worst_tick_residual: 0.0,
+            largest_force: 0.0,
+            largest_jump: 0.0,
+        }
+    }
+
+    pub(crate) fn step(&mut self, report: &StepReport, observer: &mut dyn Observer) {
+        self.step_work.record(report.times.total);
+        self.iterations.record(report.free_motion.iterations as f64);
+        self.factor_age.record(report.factor_age);
+        self.contacts.record(report.detection.contacts as f64);
+        self.active = report.active;
+        self.step_overruns += u64::from(report.overruns);
+        self.contacts_dropped += report.detection.dropped as u64;
+        self.filtered += u64::from(report.assembly.filtered);
+        self.inverted += u64::from(report.assembly.inverted);
+        self.worst_residual = self.worst_residual.max(report.solve.residual);
+        if report.status == StepStatus::RolledBack {
+            self.failed = true;
+            let tetrahedron = match report.assembly.non_finite {
+                Some(t) => format!("tetrahedron {t} is not finite"),
+                None => format!("the smallest volume ratio was {:.3}", report.assembly.min_jacobian),
+            };
+            self.notes.push(format!(
+                "step {} at {:.3} s: the body became non-finite and was rolled back ({tetrahedron}); try a smaller step, \
+                 a softer press or a finer mesh",
+                report.step, report.time
+            ));
+        }
+        observer.step(report);
+    }
+
+    pub(crate) fn refresh(&mut self, report: &RefreshReport) {
+        self.factor_work.record(report.work);
+        self.factors_refused += u64::from(!report.is_ok());
+    }
+
+    pub(crate) fn tick(&mut self, report: &TickReport, observer: &mut dyn Observer) {
+        self.tick_work.record(report.work);
+        self.tick_latency.record(report.latency);
+        self.tick_overruns += u64::from(report.overruns);
+        let record = &report.record;
+        self.time = record.time;
+        self.force = record.wrench.force.norm();
+        self.largest_force = self.largest_force.max(self.force);
+        self.largest_jump = self.largest_jump.max(record.force_jump);
+        self.worst_tick_residual = self.worst_tick_residual.max(record.residual);
+        observer.tick(report);
+    }
+
+    /// Steps, factors and ticks so far.
+    pub(crate) fn counts(&self) -> [u64; 3] {
+        [self.step_work.count(), self.factor_work.count(), self.tick_work.count()]
+    }
+
+    pub(crate) fn progress(&self) -> Progress {
+        Progress { time: self.time, rates: None, contacts: self.active, force: self.force }
+    }
+
+    /// The summary; `wall` is the time the run took in real time [s].
+    pub(crate) fn summary(self, world: &World, wall: Option<f64>, trace: Option<TraceOutcome>) -> RunSummary {
+        let counts = self.counts();
+        let rate = |n: u64| wall.map_or(0.0, |w| n as f64 / w);
+        RunSummary {
+            scene: world.scene().name().into(),
+            mode: if wall.is_some() { "real time" } else { "lockstep" },
+            end: self.end,
+            simulated: self.time + 1.0 / world.description().rates.tick,
+            wall: wall.unwrap_or(0.0),
+            nodes: world.mesh().nodes.len(),
+            tetrahedra: world.mesh().tetrahedra.len(),
+            steps: counts[0],
+            factors: counts[1],
+            ticks: counts[2],
+            step_rate: rate(counts[0]),
+            factor_rate: rate(counts[1]),
+            tick_rate: rate(counts[2]),
+            step_work: self.step_work.percentiles(),
+            factor_work: self.factor_work.percentiles(),
+            tick_work: self.tick_work.percentiles(),
+            tick_latency: self.tick_latency.percentiles(),
+            step_overruns: self.step_overruns,
+            tick_overruns: self.tick_overruns,
+            factors_refused: self.factors_refused,
+            iterations: self.iterations.percentiles(),
+            factor_age: self.factor_age.percentiles(),
+            contacts: self.contacts.percentiles(),
+            contacts_dropped: self.contacts_dropped,
+            worst_residual: self.worst_residual,
+            worst_tick_residual: self.worst_tick_residual,
+            filtered: self.filtered,
+            inverted: self.inverted,
+            largest_force: self.largest_force,
+            largest_jump: self.largest_jump,
+            records_missed: self.missed,
+            files: trace.iter().map(|t| t.path.clone()).collect(),
+            trace,
+            notes: self.notes,
+        }
+    }
+}

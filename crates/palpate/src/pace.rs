@@ -1,0 +1,57 @@
+//! Periodic wake-ups against the real clock. Missed periods are counted and skipped, never made up for.
+
+use std::time::{Duration, Instant};
+
+/// Wakes a thread once per period.
+pub(crate) struct Pacer {
+    start: Instant,
+    period: f64,
+    next: u64,
+}
+
+/// One wake-up.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Beat {
+    /// Time since the start [s].
+    pub(crate) time: f64,
+    /// How late it is [s].
+    pub(crate) latency: f64,
+    /// Periods that have passed unused since the last wake-up.
+    pub(crate) missed: u32,
+}
+
+impl Pacer {
+    pub(crate) fn new(start: Instant, rate: f64) -> Self {
+        Self { start, period: 1.0 / rate, next: 0 }
+    }
+
+    /// Sleeps until the next period begins; returns at once where it has begun already.
+    pub(crate) fn wait(&mut self) -> Beat {
+        let target = self.next as f64 * self.period;
+        let ahead = target - self.start.elapsed().as_secs_f64();
+        if ahead > 0.0 {
+            std::thread::sleep(Duration::from_secs_f64(ahead));
+        }
+        let time = self.start.elapsed().as_secs_f64();
+        let latency = (time - target).max(0.0);
+        let missed = (latency / self.period) as u64;
+        self.next += 1 + missed;
+        Beat { time, latency, missed: missed.min(u64::from(u32::MAX)) as u32 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_late_wake_up_skips_periods_and_counts_them() {
+        let mut pacer = Pacer::new(Instant::now(), 1000.0);
+        pacer.wait();
+        std::thread::sleep(Duration::from_millis(20));
+        let late = pacer.wait();
+        assert!(late.missed >= 18, "19 periods passed, {} were counted", late.missed);
+        let next = pacer.next;
+        assert!(next >= 20, "the next period lies after the missed ones, not at {next}");
+    }
+}

@@ -1,0 +1,203 @@
+//! Real time: step, factor and tick each on its own thread against the clock; the caller's thread watches.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use palpate_haptics::exchange::{Receiver, Sender, every};
+use thread_priority::{RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy};
+
+use crate::engine::{Engine, StepStage};
+use crate::gathering::Gathering;
+use crate::pace::Pacer;
+use crate::record::FactorLine;
+use crate::refresh::{Refresh, RefreshReport};
+use crate::run::{Observer, RunError, RunOptions, RunOutcome};
+use crate::step::{StepReport, StepStatus};
+use crate::summary::RunEnd;
+use crate::tick::{TickReport, Ticker};
+
+/// How often the watching thread empties the rings.
+const WATCH_PERIOD: Duration = Duration::from_millis(50);
+
+/// SCHED_FIFO priority of the tick thread: above ordinary work, below the kernel's own threads.
+const TICK_PRIORITY: u8 = 60;
+
+/// What a user can do where real-time priority is not granted.
+const PRIORITY_REMEDY: &str = "the tick thread runs without real-time priority; grant it with \
+     `sudo setcap cap_sys_nice+ep <program>` or a line `@group - rtprio 80` in /etc/security/limits.conf";
+
+pub(crate) fn run(
+    engine: Engine<'_>,
+    options: &RunOptions,
+    stop: &AtomicBool,
+    observer: &mut dyn Observer,
+) -> Result<RunOutcome, RunError> {
+    let pool = crate::engine::workers(options.threads)?;
+    let world = engine.world;
+    let rates = world.description().rates;
+    let seconds = options.length.seconds(world.dt());
+    let Engine { mut stage, mut refresh, mut ticker, mut refresh_trace, trace, notes, .. } = engine;
+    let (step_sender, step_receiver) = every::<StepReport>(256);
+    let (tick_sender, tick_receiver) = every::<TickReport>((rates.tick as usize).max(1024));
+    let (refresh_sender, refresh_receiver) = every::<RefreshReport>(64);
+    let mut watch = Watch {
+        gathering: Gathering::new(),
+        steps: step_receiver,
+        ticks: tick_receiver,
+        refreshes: refresh_receiver,
+        history: std::collections::VecDeque::new(),
+    };
+    let end_all = AtomicBool::new(false);
+    let granted = AtomicBool::new(true);
+    let start = Instant::now();
+    let outcome = std::thread::scope(|scope| -> std::io::Result<RunEnd> {
+        let spawn = |name: &str| std::thread::Builder::new().name(name.into());
+        let (stage, refresh, ticker, refresh_trace) = (&mut stage, &mut refresh, &mut ticker, &mut refresh_trace);
+        let (end_all, granted, pool) = (&end_all, &granted, &pool);
+        let spawned = spawn("palpate-tick")
+            .spawn_scoped(scope, move || {
+                granted.store(raise_priority(), Ordering::Relaxed);
+                tick_loop(ticker, Pacer::new(start, rates.tick), tick_sender, end_all);
+            })
+            .and_then(|_| {
+                spawn("palpate-factor").spawn_scoped(scope, move || {
+                    refresh_loop(refresh, refresh_trace, Pacer::new(start, rates.factor), refresh_sender, end_all);
+                })
+            })
+            .and_then(|_| {
+                spawn("palpate-step").spawn_scoped(scope, move || {
+                    pool.install(|| step_loop(stage, Pacer::new(start, rates.step), step_sender, end_all));
+                })
+            });
+        let end = spawned.map(|_| watch.until(seconds, start, stop, observer));
+        end_all.store(true, Ordering::Release);
+        end
+    });
+    let wall = start.elapsed().as_secs_f64();
+    watch.drain(observer);
+    let mut gathering = watch.gathering;
+    gathering.end = outcome.map_err(|e| RunError::Threads(e.to_string()))?;
+    gathering.missed = watch.steps.dropped() + watch.ticks.dropped() + watch.refreshes.dropped();
+    if !granted.load(Ordering::Relaxed) {
+        gathering.notes.push(PRIORITY_REMEDY.into());
+    }
+    Ok(Engine { world, stage, refresh, ticker, refresh_trace, trace, notes }.finish(gathering, Some(wall)))
+}
+
+/// True where the system gave this thread a real-time policy.
+fn raise_priority() -> bool {
+    let Ok(value) = ThreadPriorityValue::try_from(TICK_PRIORITY) else { return false };
+    thread_priority::set_thread_priority_and_policy(
+        thread_priority::thread_native_id(),
+        ThreadPriority::Crossplatform(value),
+        ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo),
+    )
+    .is_ok()
+}
+
+fn tick_loop(ticker: &mut Ticker, mut pacer: Pacer, mut reports: Sender<TickReport>, end: &AtomicBool) {
+    let mut before = None;
+    while !end.load(Ordering::Acquire) {
+        let beat = pacer.wait();
+        let start = Instant::now();
+        let dt = beat.time - before.replace(beat.time).unwrap_or(beat.time - ticker.period());
+        let record = ticker.tick(beat.time, dt);
+        let work = start.elapsed().as_secs_f64();
+        let report = TickReport { record, latency: beat.latency, work, overruns: beat.missed };
+        ticker.trace(&report);
+        reports.send(report);
+    }
+    ticker.rest();
+}
+
+fn step_loop(stage: &mut StepStage<'_>, mut pacer: Pacer, mut reports: Sender<StepReport>, end: &AtomicBool) {
+    while !end.load(Ordering::Acquire) {
+        let beat = pacer.wait();
+        let mut report = stage.advance(beat.time);
+        report.latency = beat.latency;
+        report.overruns = beat.missed;
+        stage.trace(&report, true);
+        reports.send(report);
+        if report.status == StepStatus::RolledBack {
+            break;
+        }
+    }
+}
+
+fn refresh_loop(
+    refresh: &mut Refresh,
+    trace: &mut FactorLine,
+    mut pacer: Pacer,
+    mut reports: Sender<RefreshReport>,
+    end: &AtomicBool,
+) {
+    while !end.load(Ordering::Acquire) {
+        pacer.wait();
+        refresh.want();
+        let report = loop {
+            if end.load(Ordering::Acquire) {
+                return;
+            }
+            match refresh.refresh() {
+                Some(report) => break report,
+                None => std::thread::sleep(Duration::from_millis(1)),
+            }
+        };
+        trace.push(&report, true);
+        reports.send(report);
+    }
+}
+
+/// The watching thread: empties the rings, keeps the tails, tells the observer.
+struct Watch {
+    gathering: Gathering,
+    steps: Receiver<StepReport>,
+    ticks: Receiver<TickReport>,
+    refreshes: Receiver<RefreshReport>,
+    /// Time and counts of the last second, for rates.
+    history: std::collections::VecDeque<(Instant, [u64; 3])>,
+}
+
+impl Watch {
+    /// Watches until the time is up, the caller says stop, or the body fails.
+    fn until(&mut self, seconds: f64, start: Instant, stop: &AtomicBool, observer: &mut dyn Observer) -> RunEnd {
+        loop {
+            std::thread::sleep(WATCH_PERIOD);
+            self.drain(observer);
+            let rates = self.rates();
+            observer.progress(&crate::run::Progress { rates: Some(rates), ..self.gathering.progress() });
+            if self.gathering.failed {
+                return RunEnd::BodyFailed;
+            }
+            if stop.load(Ordering::Relaxed) {
+                return RunEnd::Interrupted;
+            }
+            if start.elapsed().as_secs_f64() >= seconds {
+                return RunEnd::Completed;
+            }
+        }
+    }
+
+    fn drain(&mut self, observer: &mut dyn Observer) {
+        while let Some(report) = self.steps.receive() {
+            self.gathering.step(&report, observer);
+        }
+        while let Some(report) = self.refreshes.receive() {
+            self.gathering.refresh(&report);
+        }
+        while let Some(record) = self.ticks.receive() {
+            self.gathering.tick(&record, observer);
+        }
+    }
+
+    fn rates(&mut self) -> [f64; 3] {
+        let now = (Instant::now(), self.gathering.counts());
+        self.history.push_back(now);
+        while self.history.len() > 21 {
+            self.history.pop_front();
+        }
+        let then = self.history[0];
+        let span = now.0.duration_since(then.0).as_secs_f64().max(1e-9);
+        std::array::from_fn(|k| (now.1[k] - then.1[k]) as f64 / span)
+    }
+}

@@ -1,0 +1,256 @@
+//! Reports of the stages on their way into the trace, and back out of it.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use palpate_collision::shape::ToolShape;
+use palpate_fem::factor::FactorStatus;
+use palpate_fem::model::FemState;
+use palpate_fem::pcg::PcgStatus;
+use palpate_haptics::record::TickFlags;
+use palpate_trace as trace;
+use palpate_trace::{Attachment, BodyGeometry, FactorTrace, InlineTrace, StepTrace, TickTrace, TraceConfig, TraceThread};
+use serde::Serialize;
+
+use crate::refresh::RefreshReport;
+use crate::run::{RunError, RunOptions};
+use crate::step::{StepReport, StepStatus};
+use crate::tick::TickReport;
+use crate::world::World;
+
+/// Attachment that holds the scene.
+pub(crate) const SCENE: &str = "scene.toml";
+
+/// What became of a trace.
+#[derive(Clone, Debug, Serialize)]
+pub struct TraceOutcome {
+    /// The file.
+    pub path: PathBuf,
+    /// Size [bytes].
+    pub bytes: u64,
+    /// Messages written.
+    pub messages: u64,
+    /// Records dropped because a ring was full.
+    pub dropped: u64,
+    /// What went wrong while it was written, if anything.
+    pub error: Option<String>,
+}
+
+/// The trace itself: written by its own thread in real time, in between in lockstep, where nothing may be dropped.
+pub(crate) enum TraceLines {
+    Thread(TraceThread),
+    Inline(InlineTrace),
+}
+
+/// The lines of the three stages and the trace that they lead to.
+type Lines = (StepLine, TickLine, FactorLine, Option<TraceLines>);
+
+impl TraceLines {
+    /// Opens the trace that the options name.
+    pub(crate) fn open(world: &World, options: &RunOptions) -> Result<Lines, RunError> {
+        let Some(path) = &options.trace else {
+            return Ok((StepLine(None), TickLine(None), FactorLine(None), None));
+        };
+        let config = config(world, options);
+        let (ticks, steps, factors, lines) = if options.lockstep {
+            let (inline, ticks, steps, factors) = InlineTrace::create(path, &config)?;
+            (ticks, steps, factors, Self::Inline(inline))
+        } else {
+            let (thread, ticks, steps, factors) = TraceThread::spawn(path, &config)?;
+            (ticks, steps, factors, Self::Thread(thread))
+        };
+        Ok((StepLine(Some((steps, world.dt()))), TickLine(Some(ticks)), FactorLine(Some(factors)), Some(lines)))
+    }
+
+    /// In lockstep, writes what waits in the rings.
+    pub(crate) fn drain(&mut self) {
+        if let Self::Inline(inline) = self {
+            inline.drain();
+        }
+    }
+
+    /// Closes the file.
+    pub(crate) fn finish(self) -> TraceOutcome {
+        let summary = match self {
+            Self::Thread(thread) => thread.finish(),
+            Self::Inline(inline) => inline.finish(),
+        };
+        TraceOutcome {
+            path: summary.path,
+            bytes: summary.bytes,
+            messages: summary.messages.iter().map(|(_, n)| n).sum(),
+            dropped: summary.dropped.total(),
+            error: summary.failure.map(|e| e.to_string()),
+        }
+    }
+}
+
+fn config(world: &World, options: &RunOptions) -> TraceConfig {
+    let scene = world.description();
+    let base = if options.lockstep { TraceConfig::default() } else { TraceConfig::real_time() };
+    let length = options.length.seconds(world.dt());
+    let engine = BTreeMap::from([
+        ("version".to_string(), env!("CARGO_PKG_VERSION").to_string()),
+        ("scene".into(), scene.name.clone()),
+        ("embedded".into(), world.scene().is_embedded().to_string()),
+        ("mode".into(), if options.lockstep { "lockstep" } else { "real time" }.into()),
+        ("seconds".into(), format!("{length:?}")),
+        ("step_rate_hz".into(), format!("{:?}", scene.rates.step)),
+        ("factor_rate_hz".into(), format!("{:?}", scene.rates.factor)),
+        ("tick_rate_hz".into(), format!("{:?}", scene.rates.tick)),
+    ]);
+    let scene_file =
+        Attachment { name: SCENE.into(), media_type: "application/toml".into(), data: world.scene().text().into() };
+    let rest = world.mesh().nodes.iter().map(|x| [x.x, x.y, x.z]).collect();
+    TraceConfig {
+        engine,
+        attachments: vec![scene_file],
+        bodies: vec![BodyGeometry::new(scene.bodies[0].name.clone(), rest, world.surface().triangles.clone())],
+        tool: tool_shape(world.tool()),
+        ..base
+    }
+}
+
+fn tool_shape(tool: &ToolShape) -> Option<trace::ToolShape> {
+    if let Some(hull) = tool.hull() {
+        let vertices = hull.vertices().iter().map(|v| [v.x, v.y, v.z]).collect();
+        return Some(trace::ToolShape::Mesh { vertices, triangles: hull.triangles().to_vec() });
+    }
+    let radius = tool.inner_radius();
+    match tool.axis(&Isometry3::identity()) {
+        Some([a, b]) if a != b => Some(trace::ToolShape::Capsule { a: a.into(), b: b.into(), radius }),
+        _ => Some(trace::ToolShape::Sphere { radius }),
+    }
+}
+
+/// The step's way into the trace.
+pub(crate) struct StepLine(Option<(StepTrace, f64)>);
+
+/// The tick's way into the trace.
+pub(crate) struct TickLine(Option<TickTrace>);
+
+/// The factor stage's way into the trace.
+pub(crate) struct FactorLine(Option<FactorTrace>);
+
+fn nanoseconds(seconds: f64) -> u64 {
+    // Saturates: negative and non-finite times become 0.
+    (seconds * 1e9).round() as u64
+}
+
+impl StepLine {
+    /// Hands a report over; wall times stay out where `keep_times` is false, so that equal runs give equal traces.
+    pub(crate) fn push(&mut self, report: &StepReport, state: &FemState, keep_times: bool) {
+        let Some((line, dt)) = &mut self.0 else { return };
+        let wall = |seconds: f64| if keep_times { nanoseconds(seconds) } else { 0 };
+        let (times, rotation) = (&report.times, report.tool.rotation.coords);
+        let time_ns = nanoseconds(report.time);
+        let mut flags = trace::StepFlags::default();
+        flags.set(trace::StepFlags::OVERRUN, report.overruns > 0);
+        flags.set(trace::StepFlags::CONTACTS_DROPPED, report.detection.dropped > 0);
+        flags.set(trace::StepFlags::FREE_MOTION_UNCONVERGED, report.free_motion.status != PcgStatus::Converged);
+        flags.set(trace::StepFlags::CONTACT_UNCONVERGED, !report.solve.is_solved());
+        flags.set(trace::StepFlags::ROLLED_BACK, report.status == StepStatus::RolledBack);
+        line.push(trace::StepRecord {
+            step: report.step,
+            time_ns,
+            dt: *dt,
+            assembly_ns: wall(times.assembly),
+            free_motion_ns: wall(times.free_motion),
+            detection_ns: wall(times.detection),
+            compliance_ns: wall(times.compliance),
+            solver_ns: wall(times.solve),
+            correction_ns: wall(times.correction),
+            snapshot_ns: wall(times.hand_over),
+            total_ns: wall(times.total),
+            contacts: report.detection.contacts as u32,
+            cg_iterations: report.free_motion.iterations as u32,
+            cg_residual: report.free_motion.relative_residual,
+            solver_sweeps: report.solve.iterations,
+            solver_residual: report.solve.residual,
+            worst_row: i32::try_from(report.solve.worst_block).unwrap_or(-1),
+            factor_epoch: report.factor_epoch,
+            factor_age: report.factor_age,
+            tool_force: report.force.into(),
+            tool_torque: report.torque.into(),
+            force_jump: 0.0,
+            inverted_elements: report.assembly.inverted,
+            filtered_elements: report.assembly.filtered,
+            flags,
+            tool_position: report.tool.translation.vector.into(),
+            tool_orientation: rotation.into(),
+        });
+        line.push_positions(time_ns, |positions| {
+            for (x, q) in positions.chunks_exact_mut(3).zip(&state.q) {
+                x.copy_from_slice(q.as_slice());
+            }
+        });
+    }
+}
+
+impl TickLine {
+    /// Hands a report over.
+    pub(crate) fn push(&mut self, report: &TickReport) {
+        let Some(line) = &mut self.0 else { return };
+        let r = &report.record;
+        let mut flags = trace::TickFlags::default();
+        flags.set(trace::TickFlags::FORCE_LIMITED, r.flags.contains(TickFlags::FORCE_LIMITED));
+        flags.set(trace::TickFlags::SLEW_LIMITED, r.flags.contains(TickFlags::SLEW_LIMITED));
+        flags.set(trace::TickFlags::FADING, r.gain < 1.0);
+        flags.set(trace::TickFlags::STALE_SNAPSHOT, r.flags.contains(TickFlags::STALE));
+        flags.set(trace::TickFlags::NON_FINITE, r.flags.contains(TickFlags::NON_FINITE));
+        flags.set(trace::TickFlags::DEVICE_MISSING, r.flags.contains(TickFlags::DEVICE_ERROR));
+        flags.set(trace::TickFlags::OVERRUN, report.overruns > 0);
+        flags.set(trace::TickFlags::CONTACTS_DROPPED, r.flags.contains(TickFlags::TRUNCATED));
+        flags.set(trace::TickFlags::UNCONVERGED, r.flags.contains(TickFlags::NOT_CONVERGED));
+        line.push(trace::TickRecord {
+            tick: r.index,
+            time_ns: nanoseconds(r.time),
+            device_position: r.device_pose.translation.vector.into(),
+            device_orientation: r.device_pose.rotation.coords.into(),
+            tool_position: r.tool_pose.translation.vector.into(),
+            tool_orientation: r.tool_pose.rotation.coords.into(),
+            force: r.wrench.force.into(),
+            torque: r.wrench.torque.into(),
+            force_unlimited: r.contact_wrench.force.into(),
+            contacts: r.active,
+            sweeps: r.sweeps,
+            residual: r.residual,
+            snapshot_step: r.snapshot_step,
+            snapshot_age: r.snapshot_age,
+            flags,
+            wake_latency_ns: nanoseconds(report.latency),
+            work_ns: nanoseconds(report.work),
+            ..trace::TickRecord::default()
+        });
+    }
+}
+
+impl FactorLine {
+    /// Hands a report over.
+    pub(crate) fn push(&mut self, report: &RefreshReport, keep_times: bool) {
+        let Some(line) = &mut self.0 else { return };
+        let duration_ns = if keep_times { nanoseconds(report.work) } else { 0 };
+        line.push(trace::FactorRecord {
+            epoch: report.epoch,
+            time_ns: nanoseconds(report.handed_over),
+            taken_ns: nanoseconds(report.time),
+            taken_step: report.step,
+            duration_ns,
+            status: match report.status {
+                FactorStatus::Ok => trace::FactorStatus::Ready,
+                FactorStatus::NonFinite { .. } => trace::FactorStatus::NonFinite,
+                _ => trace::FactorStatus::Indefinite,
+            },
+        });
+    }
+}
+
+/// A pose from the fields of a record.
+pub(crate) fn pose(position: [f64; 3], orientation: [f64; 4]) -> Isometry3<f64> {
+    let [x, y, z, w] = orientation;
+    Isometry3::from_parts(
+        Translation3::from(position),
+        UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z)),
+    )
+}

@@ -1,0 +1,115 @@
+//! Runs the scene that a lockstep trace carries again and compares every force, bit for bit.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use palpate_trace::{Trace, TraceError};
+
+use crate::record::SCENE;
+use crate::run::{Length, Observer, RunError, RunOptions, run};
+use crate::scene::{Scene, SceneError};
+use crate::tick::TickReport;
+
+/// What a comparison found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReplayReport {
+    /// Ticks in the trace.
+    pub ticks: usize,
+    /// Ticks of the new run that the trace does not hold, or the other way round.
+    pub unmatched: usize,
+    /// The first tick whose force or tool pose differs in any bit.
+    pub first_difference: Option<u64>,
+    /// Largest difference of a force [N].
+    pub largest_difference: f64,
+}
+
+impl ReplayReport {
+    /// True where every tick has the same bits.
+    pub fn is_identical(&self) -> bool {
+        self.unmatched == 0 && self.first_difference.is_none()
+    }
+}
+
+/// Why a trace cannot be replayed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// The trace cannot be read.
+    #[error(transparent)]
+    Trace(#[from] TraceError),
+    /// It carries no scene.
+    #[error("{path}: the trace carries no scene; only traces written by `palpate run` can be replayed", path = path.display())]
+    NoScene {
+        /// The trace.
+        path: PathBuf,
+    },
+    /// It was recorded against the real clock.
+    #[error(
+        "{path}: recorded in real time, where the moment at which a thread reads another's value differs from run to \
+         run; record with `palpate run SCENE --lockstep` to replay",
+        path = path.display()
+    )]
+    RealTime {
+        /// The trace.
+        path: PathBuf,
+    },
+    /// Its scene cannot be built.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// Its scene cannot be run.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+/// Runs the scene of a lockstep trace again.
+///
+/// # Errors
+/// An unreadable trace, one without a scene, or one recorded in real time.
+pub fn replay(path: &Path) -> Result<ReplayReport, ReplayError> {
+    let trace = Trace::load(path)?;
+    let engine = trace.metadata.get("engine").cloned().unwrap_or_default();
+    let entry = |key: &str| engine.get(key).map(String::as_str).unwrap_or_default();
+    if entry("mode") != "lockstep" {
+        return Err(ReplayError::RealTime { path: path.into() });
+    }
+    let text = trace.attachment(SCENE).and_then(|bytes| std::str::from_utf8(bytes).ok());
+    let (Some(text), Ok(seconds)) = (text, entry("seconds").parse::<f64>()) else {
+        return Err(ReplayError::NoScene { path: path.into() });
+    };
+    let scene = Scene::from_trace(text, entry("embedded") == "true", Path::new(entry("folder")))?;
+    let world = scene.build()?;
+    let options = RunOptions { length: Length::Seconds(seconds), lockstep: true, ..RunOptions::default() };
+    let mut comparison = Comparison { recorded: &trace.ticks, next: 0, extra: 0, first: None, largest: 0.0 };
+    run(&world, &options, &AtomicBool::new(false), &mut comparison)?;
+    Ok(ReplayReport {
+        ticks: trace.ticks.len(),
+        unmatched: comparison.extra + (trace.ticks.len() - comparison.next),
+        first_difference: comparison.first,
+        largest_difference: comparison.largest,
+    })
+}
+
+struct Comparison<'a> {
+    recorded: &'a [palpate_trace::TickRecord],
+    next: usize,
+    extra: usize,
+    first: Option<u64>,
+    largest: f64,
+}
+
+impl Observer for Comparison<'_> {
+    fn tick(&mut self, report: &TickReport) {
+        let Some(recorded) = self.recorded.get(self.next) else {
+            self.extra += 1;
+            return;
+        };
+        self.next += 1;
+        let force: [f64; 3] = report.record.wrench.force.into();
+        let position: [f64; 3] = report.record.tool_pose.translation.vector.into();
+        let same = |a: [f64; 3], b: [f64; 3]| a.iter().zip(&b).all(|(x, y)| x.to_bits() == y.to_bits());
+        if !same(force, recorded.force) || !same(position, recorded.tool_position) {
+            self.first.get_or_insert(recorded.tick);
+            let difference = force.iter().zip(&recorded.force).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            self.largest = self.largest.max(difference);
+        }
+    }
+}

@@ -1,0 +1,315 @@
+//! What a scene file says: plain data with defaults, checked by [`super::Scene`].
+
+use std::collections::BTreeMap;
+
+use palpate_collision::detection::ContactKind;
+use palpate_collision::shape::ToolShape;
+use palpate_constraints::compliance::ComplianceMethod;
+use palpate_fem::material::Material;
+use palpate_haptics::coupling::CouplingConfig;
+use palpate_haptics::device::VirtualDeviceConfig;
+use palpate_haptics::limits::LimitsConfig;
+use palpate_haptics::script::ScriptKey;
+use serde::{Deserialize, Serialize};
+
+/// A whole scene: one soft body, one tool, a device and the hand that holds it. SI units.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneDescription {
+    /// Name of the scene; traces and pictures are called after it.
+    pub name: String,
+    /// One sentence that `palpate scenes` prints.
+    #[serde(default)]
+    pub description: String,
+    /// Length of a run [s] when the caller names none.
+    #[serde(default = "ten_seconds")]
+    pub seconds: f64,
+    /// Acceleration of gravity [m/s²].
+    #[serde(default)]
+    pub gravity: [f64; 3],
+    /// Rates of the three threads.
+    #[serde(default)]
+    pub rates: RatesDescription,
+    /// The soft bodies; this version simulates exactly one.
+    #[serde(rename = "body")]
+    pub bodies: Vec<BodyDescription>,
+    /// The tools; this version simulates exactly one.
+    #[serde(rename = "tool")]
+    pub tools: Vec<ToolDescription>,
+    /// How the tool and the tissue touch.
+    #[serde(default)]
+    pub contact: ContactDescription,
+    /// When the constraint solvers stop.
+    #[serde(default)]
+    pub solver: SolverDescription,
+    /// The haptic device.
+    #[serde(default)]
+    pub device: DeviceDescription,
+    /// The virtual hand or the script of positions.
+    #[serde(default)]
+    pub hand: HandDescription,
+    /// Virtual coupling between device and tool; by default what suits the device.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coupling: Option<CouplingConfig>,
+    /// Limits of the force that reaches the device.
+    #[serde(default)]
+    pub limits: LimitsConfig,
+}
+
+fn ten_seconds() -> f64 {
+    10.0
+}
+
+/// Rates [Hz].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RatesDescription {
+    /// Steps of the tissue per second: `dt = 1 / step`.
+    pub step: f64,
+    /// Refreshes of the factorisation per second; fewer where one takes longer.
+    pub factor: f64,
+    /// Ticks of the haptic loop per second.
+    pub tick: f64,
+    /// Lockstep only: age [s] at which a refreshed factor reaches the step, as if the factor thread took so long.
+    pub factor_delay: f64,
+}
+
+impl Default for RatesDescription {
+    fn default() -> Self {
+        Self { step: 30.0, factor: 10.0, tick: 1000.0, factor_delay: 0.1 }
+    }
+}
+
+/// A soft body.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyDescription {
+    /// Name in reports.
+    pub name: String,
+    /// Tetrahedral mesh file, relative to the scene file. One of this, `image` and `block`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<String>,
+    /// Label image or closed surface from which tetrahedra are made, relative to the scene file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image: Option<String>,
+    /// A rectangular block of tetrahedra, in place of a file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub block: Option<BlockDescription>,
+    /// Lattice constant [m] of tetrahedra made from `image`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cell: Option<f64>,
+    /// Factor from the unit of the mesh file to metres.
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// Mass density [kg/m³].
+    #[serde(default = "tissue_density")]
+    pub density: f64,
+    /// Total mass [kg] shared equally by the nodes, in place of `density`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub total_mass: Option<f64>,
+    /// Rayleigh damping proportional to mass [1/s].
+    #[serde(default)]
+    pub rayleigh_mass: f64,
+    /// Rayleigh damping proportional to stiffness [s].
+    #[serde(default)]
+    pub rayleigh_stiffness: f64,
+    /// Law of all regions that `regions` does not name.
+    pub material: Material,
+    /// Laws of named regions.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub regions: BTreeMap<String, Material>,
+    /// Nodes that never move.
+    #[serde(default)]
+    pub fixed: Vec<NodeSelection>,
+    /// Lets the body settle under gravity before the run; its place then is what indentation is measured from.
+    #[serde(default = "yes")]
+    pub settle: bool,
+    /// Projects element tangents to be positive semidefinite.
+    #[serde(default = "yes")]
+    pub definiteness_filter: bool,
+    /// Where the compliance of the contacts comes from.
+    #[serde(default)]
+    pub compliance: ComplianceMethod,
+    /// Relative residual at which the conjugate gradients of the free motion stop.
+    #[serde(default = "free_motion_tolerance")]
+    pub tolerance: f64,
+    /// Largest number of conjugate-gradient iterations in one step.
+    #[serde(default = "free_motion_iterations")]
+    pub max_iterations: usize,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn yes() -> bool {
+    true
+}
+
+fn tissue_density() -> f64 {
+    1060.0
+}
+
+fn free_motion_tolerance() -> f64 {
+    1e-6
+}
+
+fn free_motion_iterations() -> usize {
+    200
+}
+
+/// A rectangular block; its node sets are `x_min`, `x_max`, `y_min`, `y_max`, `z_min`, `z_max`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BlockDescription {
+    /// Lower corner [m].
+    pub min: [f64; 3],
+    /// Upper corner [m].
+    pub max: [f64; 3],
+    /// Cells along each axis; each cell becomes six tetrahedra.
+    pub cells: [usize; 3],
+}
+
+/// A choice of nodes of a body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum NodeSelection {
+    /// A named node set of the mesh.
+    NodeSet(String),
+    /// All nodes of a named region of the mesh.
+    Region(String),
+    /// Nodes with a coordinate at or below a value.
+    Below(Plane),
+    /// Nodes with a coordinate at or above a value.
+    Above(Plane),
+    /// Nodes inside an axis-aligned box.
+    Box {
+        /// Lower corner [m].
+        min: [f64; 3],
+        /// Upper corner [m].
+        max: [f64; 3],
+    },
+    /// Nodes inside a ball.
+    Ball {
+        /// Centre [m].
+        center: [f64; 3],
+        /// Radius [m].
+        radius: f64,
+    },
+}
+
+/// An axis-aligned plane.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plane {
+    /// Axis normal to the plane.
+    pub axis: Axis,
+    /// Coordinate on that axis [m].
+    pub at: f64,
+}
+
+/// A coordinate axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    /// First axis.
+    X,
+    /// Second axis.
+    Y,
+    /// Third axis.
+    Z,
+}
+
+impl Axis {
+    /// Index of the axis in a vector.
+    pub fn index(self) -> usize {
+        self as usize
+    }
+}
+
+/// A tool: a rigid shape whose pose comes from the device.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ToolDescription {
+    /// Name in reports.
+    pub name: String,
+    /// Shape in the frame of the tool.
+    pub shape: ToolShape,
+}
+
+/// How the tool and the tissue touch.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ContactDescription {
+    /// Coefficient of Coulomb friction; 0 leaves one row per contact.
+    pub friction: f64,
+    /// Where a contact sits on the tissue: at surface nodes or on faces.
+    pub at: ContactKind,
+    /// Gap [m] below which a feature becomes a (possibly inactive) contact.
+    pub margin: f64,
+    /// Face contacts closer than this [m] are merged.
+    pub merge_distance: f64,
+    /// Largest number of contacts; the deepest are kept.
+    pub max_contacts: usize,
+}
+
+impl Default for ContactDescription {
+    fn default() -> Self {
+        Self { friction: 0.0, at: ContactKind::Nodes, margin: 0.004, merge_distance: 0.001, max_contacts: 48 }
+    }
+}
+
+/// When the constraint solvers stop.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SolverDescription {
+    /// Relative natural-map residual at step rate.
+    pub tolerance: f64,
+    /// Largest number of Gauss-Seidel sweeps at step rate.
+    pub max_sweeps: usize,
+    /// Relative natural-map residual of a tick.
+    pub tick_tolerance: f64,
+    /// Largest number of Gauss-Seidel sweeps in one tick.
+    pub tick_sweeps: usize,
+}
+
+impl Default for SolverDescription {
+    fn default() -> Self {
+        Self { tolerance: 1e-6, max_sweeps: 2000, tick_tolerance: 1e-3, tick_sweeps: 30 }
+    }
+}
+
+/// The haptic device.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DeviceDescription {
+    /// Register name of the device: `virtual` (held by the virtual hand) or `scripted` (follows the path exactly).
+    pub kind: String,
+    /// Published limits of a real device that the virtual one takes on, such as `omega.3`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preset: Option<String>,
+    /// Mass, damping, friction, encoder and delay of the virtual device.
+    pub mechanics: VirtualDeviceConfig,
+}
+
+impl Default for DeviceDescription {
+    fn default() -> Self {
+        Self { kind: "virtual".into(), preset: None, mechanics: VirtualDeviceConfig::default() }
+    }
+}
+
+/// The virtual hand and the path that it follows.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct HandDescription {
+    /// Published mass, damping and stiffness of a grip: `none`, `fingertip`, `stylus`, `arm` or `firm`.
+    pub preset: String,
+    /// Times [s] and positions [m], joined by minimum-jerk motions.
+    pub path: Vec<ScriptKey>,
+}
+
+impl Default for HandDescription {
+    fn default() -> Self {
+        Self { preset: "arm".into(), path: Vec::new() }
+    }
+}

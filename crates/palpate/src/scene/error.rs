@@ -1,0 +1,79 @@
+//! Mistakes in a scene, found before anything runs.
+
+use std::ops::Range;
+use std::path::PathBuf;
+
+/// Why a scene cannot be run, where in the file, and what to do about it.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// The file cannot be read.
+    #[error("{path}: {source}", path = path.display())]
+    Unreadable {
+        /// The scene file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Neither a file nor a bundled scene has this name.
+    #[error("there is no scene file or bundled scene `{name}`; {remedy}")]
+    Unknown {
+        /// What was asked for.
+        name: String,
+        /// The nearest name, or how to list them.
+        remedy: String,
+    },
+    /// The text is not a scene, or a value is outside its range.
+    #[error("{origin}:{line}:{column}: {message}{}", remedy.as_deref().map(|r| format!("; {r}")).unwrap_or_default())]
+    Invalid {
+        /// File name or name of the bundled scene.
+        origin: String,
+        /// The whole text, for reports that show the place.
+        text: String,
+        /// Bytes of `text` that the message is about.
+        span: Range<usize>,
+        /// Line, counted from 1.
+        line: usize,
+        /// Column, counted from 1.
+        column: usize,
+        /// What is wrong, with the value.
+        message: String,
+        /// What to do.
+        remedy: Option<String>,
+    },
+    /// The mesh cannot be used.
+    #[error(transparent)]
+    Mesh(#[from] palpate_fem::mesh::MeshError),
+    /// The label image cannot be used.
+    #[error(transparent)]
+    Image(#[from] palpate_fem::image::ImageError),
+    /// Tetrahedra cannot be made from the image or surface.
+    #[error(transparent)]
+    Stuffing(#[from] palpate_fem::stuffing::StuffingError),
+}
+
+impl SceneError {
+    /// An error about the bytes `span` of `text`.
+    pub(crate) fn invalid(
+        origin: &str,
+        text: &str,
+        span: Range<usize>,
+        message: impl Into<String>,
+        remedy: Option<String>,
+    ) -> Self {
+        let start = span.start.min(text.len());
+        let before = text.get(..start).unwrap_or("");
+        let line = before.matches('\n').count() + 1;
+        let column = before.rsplit('\n').next().map_or(0, |l| l.chars().count()) + 1;
+        Self::Invalid { origin: origin.into(), text: text.into(), span, line, column, message: message.into(), remedy }
+    }
+}
+
+/// The candidate that is spelled most like `word`, if any is near.
+pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    candidates
+        .into_iter()
+        .map(|c| (strsim::jaro_winkler(word, c), c))
+        .filter(|(score, _)| *score > 0.7)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, c)| c)
+}

@@ -1,0 +1,204 @@
+//! Scenes: a description in TOML or in code, checked before anything is built.
+
+mod bundled;
+mod check;
+mod description;
+mod error;
+mod parse;
+
+use std::path::{Path, PathBuf};
+
+pub use bundled::{BUNDLED_SCENES, BundledScene};
+pub use description::{
+    Axis, BodyDescription, ContactDescription, DeviceDescription, HandDescription, NodeSelection, Plane,
+    RatesDescription, SceneDescription, SolverDescription, ToolDescription,
+};
+pub use error::SceneError;
+
+use crate::world::World;
+use parse::Source;
+
+/// Where the files that a scene names are looked for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Files {
+    /// Beside the scene file.
+    Folder(PathBuf),
+    /// In the program.
+    Embedded,
+}
+
+/// A description that has been checked, with its text for reports and traces.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    description: SceneDescription,
+    origin: String,
+    text: String,
+    files: Files,
+}
+
+impl Scene {
+    /// Opens a scene file, or the bundled scene of this name where no such file exists.
+    ///
+    /// # Errors
+    /// As [`Scene::load`] and [`Scene::bundled`].
+    pub fn open(name: &str) -> Result<Self, SceneError> {
+        let path = Path::new(name);
+        if path.is_file() || path.extension().is_some() {
+            return Self::load(path);
+        }
+        Self::bundled(name)
+    }
+
+    /// Reads and checks a scene file.
+    ///
+    /// # Errors
+    /// An unreadable file, an unknown key or value, a value outside its range: with the place and the remedy.
+    pub fn load(path: &Path) -> Result<Self, SceneError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| SceneError::Unreadable { path: path.into(), source })?;
+        let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        Self::parse(text, path.display().to_string(), Files::Folder(folder))
+    }
+
+    /// A scene that the program carries.
+    ///
+    /// # Errors
+    /// An unknown name, with the nearest known one.
+    pub fn bundled(name: &str) -> Result<Self, SceneError> {
+        let Some(scene) = BUNDLED_SCENES.iter().find(|s| s.name == name) else {
+            let remedy = match error::nearest(name, BUNDLED_SCENES.iter().map(|s| s.name)) {
+                Some(best) => format!("did you mean `{best}`?"),
+                None => "`palpate scenes` lists the bundled ones".into(),
+            };
+            return Err(SceneError::Unknown { name: name.into(), remedy });
+        };
+        Self::parse(scene.text.into(), format!("{name}.toml (bundled)"), Files::Embedded)
+    }
+
+    /// Checks a scene from TOML text; files that it names are looked for in `folder`.
+    ///
+    /// # Errors
+    /// As [`Scene::load`].
+    pub fn from_toml(text: &str, folder: &Path) -> Result<Self, SceneError> {
+        Self::parse(text.into(), "scene".into(), Files::Folder(folder.into()))
+    }
+
+    /// Checks a scene that was described in code.
+    ///
+    /// # Errors
+    /// As [`Scene::load`]; places refer to the description written as TOML.
+    pub fn new(description: &SceneDescription, folder: &Path) -> Result<Self, SceneError> {
+        let text = toml::to_string(description)
+            .map_err(|e| SceneError::invalid("scene", "", 0..0, format!("not expressible as TOML: {e}"), None))?;
+        Self::parse(text, "scene".into(), Files::Folder(folder.into()))
+    }
+
+    /// Checks the scene that a trace carries: its files may be those of the program or of `folder`.
+    pub(crate) fn from_trace(text: &str, embedded: bool, folder: &Path) -> Result<Self, SceneError> {
+        let files = if embedded { Files::Embedded } else { Files::Folder(folder.into()) };
+        Self::parse(text.into(), "scene of the trace".into(), files)
+    }
+
+    fn parse(text: String, origin: String, files: Files) -> Result<Self, SceneError> {
+        let source = Source { origin: &origin, text: &text };
+        let description = source.parse()?;
+        check::check(&description, &source)?;
+        Ok(Self { description, origin, text, files })
+    }
+
+    /// The checked description.
+    pub fn description(&self) -> &SceneDescription {
+        &self.description
+    }
+
+    /// Name of the scene.
+    pub fn name(&self) -> &str {
+        &self.description.name
+    }
+
+    /// Length of a run [s] when the caller names none.
+    pub fn seconds(&self) -> f64 {
+        self.description.seconds
+    }
+
+    /// The text of the scene as TOML.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// True where the files of the scene are part of the program.
+    pub(crate) fn is_embedded(&self) -> bool {
+        self.files == Files::Embedded
+    }
+
+    /// Takes the body's tetrahedra from another file.
+    ///
+    /// # Errors
+    /// A scale that is not a positive number.
+    pub fn use_mesh(&mut self, path: &Path, scale: f64) -> Result<(), SceneError> {
+        let path = std::path::absolute(path).unwrap_or_else(|_| path.into());
+        let body = &mut self.description.bodies[0];
+        (body.mesh, body.image, body.cell, body.scale) = (Some(path.display().to_string()), None, None, scale);
+        self.rewrite()
+    }
+
+    /// Changes the lattice constant [m] of the body's generated tetrahedra.
+    ///
+    /// # Errors
+    /// A cell that is not positive, or a body that is read from a mesh.
+    pub fn use_cell(&mut self, cell: f64) -> Result<(), SceneError> {
+        self.description.bodies[0].cell = Some(cell);
+        self.rewrite()
+    }
+
+    /// Changes the description and checks it again.
+    ///
+    /// # Errors
+    /// As [`Scene::new`]; the scene is unchanged then.
+    pub fn edit(&mut self, change: impl FnOnce(&mut SceneDescription)) -> Result<(), SceneError> {
+        let before = self.description.clone();
+        change(&mut self.description);
+        self.rewrite().inspect_err(|_| self.description = before)
+    }
+
+    fn rewrite(&mut self) -> Result<(), SceneError> {
+        let text = toml::to_string(&self.description)
+            .map_err(|e| SceneError::invalid(&self.origin, "", 0..0, format!("not expressible as TOML: {e}"), None))?;
+        *self = Self::parse(text, self.origin.clone(), self.files.clone())?;
+        Ok(())
+    }
+
+    /// Builds everything that a run needs and that never changes while it runs.
+    ///
+    /// # Errors
+    /// Mesh, image or material trouble, an empty selection of fixed nodes, a tool that starts inside the body.
+    pub fn build(&self) -> Result<World, SceneError> {
+        crate::world::build(self)
+    }
+
+    /// The bytes of a file that the scene names, and its path for messages.
+    pub(crate) fn file(&self, name: &str) -> SceneFile {
+        let path = match &self.files {
+            Files::Embedded => PathBuf::from(name),
+            Files::Folder(folder) => folder.join(name),
+        };
+        // A scene copied from a bundled one finds the embedded image where it brought none along.
+        match bundled::bundled_file(name) {
+            Some(bytes) if self.files == Files::Embedded || !path.exists() => SceneFile::Embedded(bytes),
+            _ => SceneFile::Path(path),
+        }
+    }
+
+    /// An error about a key of this scene.
+    pub(crate) fn at(&self, path: &str, message: impl Into<String>, remedy: impl Into<String>) -> SceneError {
+        Source { origin: &self.origin, text: &self.text }.at(path, message, remedy)
+    }
+}
+
+/// A file that a scene names.
+pub(crate) enum SceneFile {
+    /// On disk.
+    Path(PathBuf),
+    /// In the program.
+    Embedded(&'static [u8]),
+}

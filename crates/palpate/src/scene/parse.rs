@@ -1,0 +1,64 @@
+//! From TOML text to a description, with the place of every mistake.
+
+use std::ops::Range;
+
+use serde::Deserialize;
+use toml::de::{DeTable, DeValue};
+
+use super::description::SceneDescription;
+use super::error::{SceneError, nearest};
+
+/// A scene's text and its parsed tree, kept to point at values.
+pub(super) struct Source<'a> {
+    pub(super) origin: &'a str,
+    pub(super) text: &'a str,
+}
+
+impl Source<'_> {
+    /// Parses the text into a description.
+    pub(super) fn parse(&self) -> Result<SceneDescription, SceneError> {
+        let deserializer = toml::Deserializer::parse(self.text).map_err(|e| self.syntax(&e))?;
+        SceneDescription::deserialize(deserializer).map_err(|e| self.syntax(&e))
+    }
+
+    fn syntax(&self, error: &toml::de::Error) -> SceneError {
+        let message = error.message().trim().to_string();
+        let remedy = suggestion(&message);
+        SceneError::invalid(self.origin, self.text, error.span().unwrap_or(0..0), message, remedy)
+    }
+
+    /// An error at the value of a key path such as `body.0.density`; at its parent where the key is absent.
+    pub(super) fn at(&self, path: &str, message: impl Into<String>, remedy: impl Into<String>) -> SceneError {
+        SceneError::invalid(self.origin, self.text, self.span(path), message, Some(remedy.into()))
+    }
+
+    fn span(&self, path: &str) -> Range<usize> {
+        let Ok(root) = DeTable::parse(self.text) else { return 0..0 };
+        let mut span = 0..0;
+        let mut parts = path.split('.');
+        let Some(first) = parts.next() else { return span };
+        let Some((key, mut value)) = root.get_ref().iter().find(|(k, _)| k.get_ref() == first) else { return span };
+        span = if matches!(value.get_ref(), DeValue::Table(_)) { key.span() } else { value.span() };
+        for part in parts {
+            let next = match value.get_ref() {
+                DeValue::Table(table) => table.iter().find(|(k, _)| k.get_ref() == part).map(|(k, v)| (k.span(), v)),
+                DeValue::Array(array) => part.parse().ok().and_then(|i: usize| array.get(i)).map(|v| (v.span(), v)),
+                _ => None,
+            };
+            let Some((place, child)) = next else { break };
+            span = if matches!(child.get_ref(), DeValue::Table(_)) { place } else { child.span() };
+            value = child;
+        }
+        span
+    }
+}
+
+/// Turns serde's "unknown field `x`, expected one of `a`, `b`" into "did you mean `a`?".
+fn suggestion(message: &str) -> Option<String> {
+    if !message.starts_with("unknown") {
+        return None;
+    }
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    let word = quoted.next()?;
+    nearest(word, quoted).map(|best| format!("did you mean `{best}`?"))
+}

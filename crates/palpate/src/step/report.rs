@@ -1,0 +1,190 @@
+//! What one step did.
+
+use nalgebra::{Isometry3, Vector3};
+use palpate_collision::detection::DetectionReport;
+use palpate_fem::assembly::AssemblyReport;
+use palpate_constraints::rows::RowReport;
+use palpate_fem::factor::ReachStatus;
+use palpate_fem::pcg::PcgReport;
+use palpate_solver::report::SolveReport;
+
+use super::StepInput;
+
+/// How a step ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StepStatus {
+    /// The body moved on.
+    #[default]
+    Advanced,
+    /// The body would have become non-finite; it was put back to the state before the step.
+    RolledBack,
+}
+
+/// Wall time of the stages [s].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StepTimes {
+    /// Forces and system matrix.
+    pub assembly: f64,
+    /// Nodal rotations and conjugate gradients.
+    pub free_motion: f64,
+    /// Contacts.
+    pub detection: f64,
+    /// Rows and `W`.
+    pub compliance: f64,
+    /// Gauss-Seidel.
+    pub solve: f64,
+    /// Correction and the check that the body is finite.
+    pub correction: f64,
+    /// Filling the snapshot.
+    pub hand_over: f64,
+    /// All of it.
+    pub total: f64,
+}
+
+impl StepTimes {
+    pub(super) fn sum(&self) -> f64 {
+        self.assembly + self.free_motion + self.detection + self.compliance + self.solve + self.correction + self.hand_over
+    }
+}
+
+/// What one step did. Plain data: copied into rings, traces and tables.
+#[derive(Clone, Copy, Debug)]
+pub struct StepReport {
+    /// Number of the step, counted from 0.
+    pub step: u64,
+    /// Time at its begin [s].
+    pub time: f64,
+    /// How it ended.
+    pub status: StepStatus,
+    /// Pose of the tool that it used.
+    pub tool: Isometry3<f64>,
+    /// Assembly of forces and matrix.
+    pub assembly: AssemblyReport,
+    /// Conjugate gradients of the free motion.
+    pub free_motion: PcgReport,
+    /// Contacts found, merged, dropped.
+    pub detection: DetectionReport,
+    /// Rows built from the contacts.
+    pub rows: RowReport,
+    /// Whether `W` could be computed; without it the step goes on without contact.
+    pub compliance: ReachStatus,
+    /// True where exact compliance was asked for and this step's matrix could not be factored.
+    pub refused: bool,
+    /// Constraint solve.
+    pub solve: SolveReport,
+    /// Contacts that carry a force.
+    pub active: usize,
+    /// Force of the tissue on the tool [N].
+    pub force: Vector3<f64>,
+    /// Torque of the tissue on the tool about its origin [N m].
+    pub torque: Vector3<f64>,
+    /// Size of the part of the force along the skin: the vector sum of friction [N].
+    pub tangential_force: f64,
+    /// How far the touched skin is pushed from its place at rest, along the contact normal [m].
+    pub indentation: f64,
+    /// Epoch of the factor that was used.
+    pub factor_epoch: u64,
+    /// Age of that factor [s].
+    pub factor_age: f64,
+    /// Times of the stages.
+    pub times: StepTimes,
+    /// How late the step began [s].
+    pub latency: f64,
+    /// Deadlines missed since the last step.
+    pub overruns: u32,
+}
+
+impl StepReport {
+    pub(super) fn begin(step: u64, input: &StepInput<'_>, dt: f64) -> Self {
+        let age = (input.time - input.factor.time).max(0.0);
+        Self {
+            step,
+            time: input.time,
+            status: StepStatus::Advanced,
+            tool: input.tool,
+            assembly: AssemblyReport::default(),
+            free_motion: PcgReport::default(),
+            detection: DetectionReport::default(),
+            rows: RowReport::default(),
+            compliance: ReachStatus::Ok,
+            refused: false,
+            solve: NOT_SOLVED,
+            active: 0,
+            force: Vector3::zeros(),
+            torque: Vector3::zeros(),
+            tangential_force: 0.0,
+            indentation: 0.0,
+            factor_epoch: input.factor.epoch,
+            factor_age: if age < 0.5 * dt { 0.0 } else { age },
+            times: StepTimes::default(),
+            latency: 0.0,
+            overruns: 0,
+        }
+    }
+
+    /// Names and units of [`StepReport::row`].
+    pub const COLUMNS: [&'static str; 27] = [
+        "step",
+        "time_s",
+        "tool_x_m",
+        "tool_y_m",
+        "tool_z_m",
+        "tool_qw",
+        "tool_qx",
+        "tool_qy",
+        "tool_qz",
+        "force_x_n",
+        "force_y_n",
+        "force_z_n",
+        "torque_x_nm",
+        "torque_y_nm",
+        "torque_z_nm",
+        "tangential_force_n",
+        "indentation_m",
+        "contacts",
+        "active_contacts",
+        "residual",
+        "sweeps",
+        "cg_iterations",
+        "cg_residual",
+        "factor_epoch",
+        "factor_age_s",
+        "rolled_back",
+        "work_s",
+    ];
+
+    /// The report as one row of a table.
+    pub fn row(&self) -> [f64; 27] {
+        let p = self.tool.translation.vector;
+        let r = self.tool.rotation;
+        [
+            self.step as f64,
+            self.time,
+            p.x,
+            p.y,
+            p.z,
+            r.w,
+            r.i,
+            r.j,
+            r.k,
+            self.force.x,
+            self.force.y,
+            self.force.z,
+            self.torque.x,
+            self.torque.y,
+            self.torque.z,
+            self.tangential_force,
+            self.indentation,
+            self.detection.contacts as f64,
+            self.active as f64,
+            self.solve.residual,
+            f64::from(self.solve.iterations),
+            self.free_motion.iterations as f64,
+            self.free_motion.relative_residual,
+            self.factor_epoch as f64,
+            self.factor_age,
+            f64::from(u8::from(self.status == StepStatus::RolledBack)),
+            self.times.total,
+        ]
+    }
+}

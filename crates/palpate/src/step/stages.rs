@@ -1,0 +1,248 @@
+//! The stages of the step, each a few lines between the description, the state and the workspace.
+
+use nalgebra::{Isometry3, Vector3};
+use palpate_collision::detection::detect;
+use palpate_constraints::compliance::{ComplianceMethod, rotate_rows};
+use palpate_constraints::law::{Coulomb, Law, Signorini};
+use palpate_constraints::rows::{RowInput, ToolMotion, build_rows};
+use palpate_fem::factor::{Factor, ReachStatus};
+use palpate_fem::pcg::{PcgConfig, pcg};
+use palpate_fem::preconditioner::{WarpedPreconditioner, rotate};
+use palpate_fem::rotation::nodal_rotations;
+use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
+use palpate_solver::gauss_seidel::{self, GaussSeidelConfig};
+use palpate_solver::report::{SolveReport, SolveStatus};
+
+use super::{StepInput, StepReport, StepState, StepStatus, StepWorkspace};
+use crate::refresh::FactorSample;
+use crate::world::World;
+
+/// How far [m] a contact may slide from a remembered force and still start from it: a few tool motions of one step.
+const WARM_START_RADIUS: f64 = 5e-3;
+
+/// `A dv = b` by conjugate gradients from zero, preconditioned by the factor warped with the rotations since it was
+/// taken; then the free velocity `v + dv`.
+pub(super) fn free_motion(
+    world: &World,
+    factor: &FactorSample,
+    state: &StepState,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
+) {
+    let body = &world.description().bodies[0];
+    nodal_rotations(world.model(), &factor.q, &state.fem.q, &mut ws.rotations);
+    let mut preconditioner =
+        WarpedPreconditioner { factor: &factor.factor, rotations: &ws.rotations, workspace: &mut ws.solve };
+    let config = PcgConfig { relative_tolerance: body.tolerance, max_iterations: body.max_iterations };
+    ws.v_free.fill(0.0);
+    report.free_motion = pcg(&ws.fem.system, &ws.fem.rhs, &mut ws.v_free, &mut preconditioner, config, &mut ws.pcg);
+    for (dv, &node) in ws.v_free.chunks_exact_mut(3).zip(world.model().node_of_free()) {
+        let v = &state.fem.v[node as usize];
+        (0..3).for_each(|c| dv[c] += v[c]);
+    }
+}
+
+/// Contacts of the tool with the skin at the begin of the step.
+pub(super) fn detection(
+    world: &World,
+    tool: &Isometry3<f64>,
+    state: &mut StepState,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
+) {
+    ws.geometry.refit(&state.fem.q);
+    report.detection = detect(
+        &ws.geometry,
+        &state.fem.q,
+        world.tool(),
+        tool,
+        world.detection(),
+        &mut ws.detection,
+        &mut state.contacts,
+    );
+}
+
+/// Rows `H` and `delta_free`, and the law of each contact.
+pub(super) fn rows(
+    world: &World,
+    tool: &Isometry3<f64>,
+    state: &StepState,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
+) {
+    let friction = world.description().contact.friction;
+    let input = RowInput {
+        free_of_node: world.model().free_of_node(),
+        v_free: &ws.v_free,
+        dt: world.dt(),
+        tool_reference: tool.translation.vector,
+        tool_motion: state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::between(&before, tool)),
+        friction: friction > 0.0,
+    };
+    report.rows = build_rows(&state.contacts.contacts, &input, &mut ws.rows);
+    let law: Law = if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() };
+    // As many rows as the capacity was made for: the reset cannot fail, and an empty problem is a safe one if it did.
+    if ws.problem.reset(ws.rows.len()).is_err() {
+        ws.rows.clear();
+        return;
+    }
+    ws.rows.blocks.iter().for_each(|_| ws.problem.push_block(law));
+    ws.problem.delta_free_mut().copy_from_slice(&ws.rows.delta_free);
+}
+
+/// `W = h² H A⁻¹ Hᵀ` from the latest factor, with the rows turned back into its frame, or from this step's own.
+///
+/// Where no factor can give it, the rows are dropped and the step goes on without contact; the report says so.
+pub(super) fn compliance(world: &World, factor: &FactorSample, ws: &mut StepWorkspace, report: &mut StepReport) {
+    report.compliance = ReachStatus::Ok;
+    if ws.rows.is_empty() {
+        return;
+    }
+    let rotations = &ws.rotations;
+    let inverse = match &mut ws.exact {
+        Some(exact) => {
+            report.refused = !exact.refactor(&ws.fem.system).status.is_ok();
+            &*exact
+        }
+        None => {
+            rotate_rows(&mut ws.rows.tissue, rotations);
+            &factor.factor
+        }
+    };
+    let h2 = world.dt() * world.dt();
+    let reach = inverse.compliance_into(&ws.rows.tissue, h2, ws.problem.compliance_mut(), &mut ws.reach);
+    report.compliance = reach.status;
+}
+
+/// Contact forces by block Gauss-Seidel from those of the last step.
+pub(super) fn solve(world: &World, state: &mut StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
+    let m = ws.rows.len();
+    let lambda = &mut ws.lambda[..m];
+    lambda.fill(0.0);
+    report.solve = SolveReport { status: SolveStatus::Solved, residual: 0.0, worst_gap: 0.0, ..NOT_SOLVED };
+    if m > 0 && report.compliance == ReachStatus::Ok {
+        let solver = &world.description().solver;
+        let config = GaussSeidelConfig {
+            tolerance: solver.tolerance,
+            max_sweeps: solver.max_sweeps,
+            ..GaussSeidelConfig::default()
+        };
+        state.warm_start.fetch(&state.contacts.contacts, &ws.rows, WARM_START_RADIUS, lambda);
+        report.solve = gauss_seidel::solve(&ws.problem.view(), lambda, &config, &mut ws.gauss_seidel);
+    } else if m > 0 {
+        report.solve = NOT_SOLVED;
+    }
+    state.warm_start.store(&state.contacts.contacts, &ws.rows, lambda);
+
+    let wrench = ws.rows.wrench(lambda);
+    (report.force, report.torque) = (wrench.force, wrench.torque);
+    let mut friction = Vector3::zeros();
+    for (block, frame) in ws.rows.blocks.iter().zip(&ws.rows.frames) {
+        let Some(force) = lambda.get(block.range()) else { continue };
+        if force[0] <= 0.0 {
+            continue;
+        }
+        report.active += 1;
+        let Some(contact) = state.contacts.contacts.get(block.contact as usize) else { continue };
+        friction += frame.to_world(force) - contact.normal * force[0];
+        let push = contact.tissue_point - contact.weighted(&state.rest);
+        report.indentation = report.indentation.max(push.dot(&contact.normal));
+    }
+    report.tangential_force = friction.norm();
+}
+
+/// A solve that did not happen.
+const NOT_SOLVED: SolveReport = SolveReport {
+    status: SolveStatus::NotFinite,
+    iterations: 0,
+    residual: f64::INFINITY,
+    worst_block: 0,
+    worst_gap: f64::INFINITY,
+};
+
+/// `v+ = v_free + h A⁻¹ Hᵀ lambda`, `q+ = q + h v+`, with the inverse that gave `W`; back to the state before where a
+/// number is not finite.
+pub(super) fn correct(
+    world: &World,
+    factor: &FactorSample,
+    state: &mut StepState,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
+) {
+    let h = world.dt();
+    state.remember();
+    let lambda = &ws.lambda[..ws.rows.len()];
+    let touched = lambda.iter().any(|&l| l != 0.0);
+    if touched {
+        let inverse: &Factor = ws.exact.as_ref().unwrap_or(&factor.factor);
+        let status = inverse.correct(lambda, &mut ws.correction, &mut ws.reach);
+        if !status.is_ok() {
+            ws.correction.fill(f64::NAN);
+        } else if ws.exact.is_none() {
+            rotate(&ws.rotations, &mut ws.correction);
+        }
+    }
+    for (k, &node) in world.model().node_of_free().iter().enumerate() {
+        let mut v = Vector3::new(ws.v_free[3 * k], ws.v_free[3 * k + 1], ws.v_free[3 * k + 2]);
+        if touched {
+            v += h * Vector3::new(ws.correction[3 * k], ws.correction[3 * k + 1], ws.correction[3 * k + 2]);
+        }
+        let node = node as usize;
+        state.fem.v[node] = v;
+        state.fem.q[node] += h * v;
+    }
+    let finite = state.fem.q.iter().all(|q| q.iter().all(|x| x.is_finite()));
+    if !finite || report.assembly.non_finite.is_some() {
+        state.roll_back();
+        report.status = StepStatus::RolledBack;
+        (report.force, report.torque) = (Vector3::zeros(), Vector3::zeros());
+    }
+}
+
+/// The local problem for the tick: rows, compliance and forces as they were solved.
+pub(super) fn hand_over(
+    world: &World,
+    input: &StepInput<'_>,
+    state: &StepState,
+    ws: &StepWorkspace,
+    report: &StepReport,
+    snapshot: &mut HapticSnapshot,
+) {
+    snapshot.clear();
+    // The tick takes number 0 for "no step yet".
+    snapshot.step = report.step + 1;
+    snapshot.time = input.time + world.dt();
+    snapshot.dt = world.dt();
+    snapshot.tool_pose = input.tool;
+    snapshot.factor_epoch = input.factor.epoch;
+    snapshot.factor_age = report.factor_age;
+    let sound = report.status == StepStatus::Advanced && report.compliance == ReachStatus::Ok;
+    if !sound {
+        return;
+    }
+    let blocks = ws.problem.blocks();
+    for (block, rows) in blocks.iter().zip(&ws.rows.blocks) {
+        let range = rows.range();
+        let mut tool_rows = [[0.0; 6]; 3];
+        for (to, from) in tool_rows.iter_mut().zip(&ws.rows.tool[range.clone()]) {
+            *to = [from.force.x, from.force.y, from.force.z, from.torque.x, from.torque.y, from.torque.z];
+        }
+        let Some(contact) = state.contacts.contacts.get(rows.contact as usize) else { continue };
+        snapshot.push(&SnapshotContact {
+            law: block.law,
+            feature: contact.feature,
+            tool_rows: &tool_rows[..range.len()],
+            delta_free: &ws.rows.delta_free[range.clone()],
+            lambda: &ws.lambda[range],
+        });
+    }
+    // The problem's memory is a square of its own rows, and as many rows were pushed.
+    let view = ws.problem.view();
+    let m = ws.rows.len();
+    if snapshot.rows() == m {
+        for (j, column) in snapshot.compliance_mut().chunks_exact_mut(m.max(1)).enumerate() {
+            column.copy_from_slice(view.column(j));
+        }
+        snapshot.valid = true;
+    }
+}

@@ -1,0 +1,126 @@
+//! State and workspace of the step: what is the simulation, and what may be thrown away.
+
+use nalgebra::{Isometry3, Matrix3, Vector3};
+use palpate_collision::broad_phase::SurfaceGeometry;
+use palpate_collision::contact::ContactSet;
+use palpate_collision::detection::DetectionWorkspace;
+use palpate_constraints::compliance::ComplianceMethod;
+use palpate_constraints::rows::ContactRows;
+use palpate_constraints::warm_start::WarmStart;
+use palpate_fem::assembly::FemWorkspace;
+use palpate_fem::factor::{Factor, ReachWorkspace, SolveWorkspace};
+use palpate_fem::model::FemState;
+use palpate_fem::pcg::PcgWorkspace;
+use palpate_solver::gauss_seidel::GaussSeidelWorkspace;
+use palpate_solver::problem::ConstraintProblem;
+use std::sync::Arc;
+
+use crate::world::World;
+
+/// Rows of a contact with friction.
+const ROWS: usize = 3;
+
+/// The simulation: everything that a later step depends on.
+pub struct StepState {
+    /// Number of the next step, from 0.
+    pub step: u64,
+    /// Positions and velocities of all nodes.
+    pub fem: FemState,
+    /// Pose of the tool in the last step.
+    pub tool: Option<Isometry3<f64>>,
+    /// Forces of the last step by surface feature.
+    pub warm_start: WarmStart,
+    /// Contacts of the last step; they carry the side from which the tool came.
+    pub contacts: ContactSet,
+    /// The state before the last step, to which a failed step returns.
+    before: FemState,
+    /// Where the body was when the run began: indentation is measured from here [m].
+    pub(super) rest: Vec<Vector3<f64>>,
+}
+
+impl StepState {
+    /// The state before the first step, with the body as `rest`.
+    pub fn new(world: &World, rest: FemState) -> Self {
+        let capacity = world.detection().max_contacts;
+        Self {
+            step: 0,
+            tool: None,
+            warm_start: WarmStart::with_capacity(capacity),
+            contacts: ContactSet::with_capacity(capacity),
+            before: rest.clone(),
+            rest: rest.q.clone(),
+            fem: rest,
+        }
+    }
+
+    /// Positions of all nodes before the last step [m]: the configuration that its system matrix belongs to.
+    pub fn before(&self) -> &[Vector3<f64>] {
+        &self.before.q
+    }
+
+    /// Where the body was when the run began [m].
+    pub fn rest(&self) -> &[Vector3<f64>] {
+        &self.rest
+    }
+
+    pub(super) fn remember(&mut self) {
+        self.before.q.copy_from_slice(&self.fem.q);
+        self.before.v.copy_from_slice(&self.fem.v);
+    }
+
+    /// Puts the body back to the state before the step, at rest.
+    pub(super) fn roll_back(&mut self) {
+        self.fem.q.copy_from_slice(&self.before.q);
+        self.fem.v.fill(Vector3::zeros());
+        self.warm_start.clear();
+    }
+}
+
+/// Scratch of the step, sized at set-up.
+pub struct StepWorkspace {
+    /// Forces, matrix, right side.
+    pub fem: FemWorkspace,
+    pub(super) rotations: Vec<Matrix3<f64>>,
+    pub(super) pcg: PcgWorkspace,
+    pub(super) solve: SolveWorkspace,
+    /// Free velocity `v + dv` of the free nodes [m/s].
+    pub(super) v_free: Vec<f64>,
+    /// `A⁻¹ Hᵀ lambda` [m/s²].
+    pub(super) correction: Vec<f64>,
+    pub(super) geometry: SurfaceGeometry,
+    pub(super) detection: DetectionWorkspace,
+    pub(super) rows: ContactRows,
+    pub(super) reach: ReachWorkspace,
+    pub(super) problem: ConstraintProblem,
+    pub(super) lambda: Vec<f64>,
+    pub(super) gauss_seidel: GaussSeidelWorkspace,
+    /// Factor of this step's own matrix, where the scene asks for exact compliance.
+    pub(super) exact: Option<Factor>,
+}
+
+impl StepWorkspace {
+    /// Memory for the world's body and its largest number of contacts.
+    pub fn new(world: &World) -> Self {
+        let (model, symbolic) = (world.model(), world.symbolic());
+        let free = model.free_nodes();
+        let contacts = world.detection().max_contacts;
+        let rows = ROWS * contacts;
+        let exact = world.description().bodies[0].compliance == ComplianceMethod::Exact;
+        Self {
+            fem: FemWorkspace::new(model),
+            rotations: vec![Matrix3::identity(); free],
+            pcg: PcgWorkspace::new(free),
+            solve: SolveWorkspace::new(symbolic),
+            v_free: vec![0.0; 3 * free],
+            correction: vec![0.0; 3 * free],
+            geometry: world.geometry().clone(),
+            detection: DetectionWorkspace::new(world.geometry()),
+            rows: ContactRows::with_capacity(contacts),
+            reach: ReachWorkspace::new(symbolic, rows),
+            problem: ConstraintProblem::with_capacity(rows),
+            lambda: vec![0.0; rows],
+            gauss_seidel: GaussSeidelWorkspace::with_capacity(rows),
+            exact: exact.then(|| Factor::new(Arc::clone(symbolic))),
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! What a run was like: rates, tails of times, iterations, residuals.
+
+use std::path::PathBuf;
+
+use hdrhistogram::Histogram;
+use serde::Serialize;
+
+pub use crate::record::TraceOutcome;
+
+/// Median and tails of one measured quantity.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Percentiles {
+    /// Median.
+    pub p50: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// 99.9th percentile.
+    pub p999: f64,
+    /// Largest value.
+    pub max: f64,
+}
+
+/// Gathers non-negative values and answers percentiles.
+#[derive(Clone, Debug)]
+pub struct Tail {
+    histogram: Histogram<u64>,
+    unit: f64,
+}
+
+impl Tail {
+    /// A tail that resolves values to a thousandth above `unit`.
+    pub fn new(unit: f64) -> Self {
+        // 3 significant digits over any u64: the bounds are valid by construction.
+        let histogram = Histogram::new(3).unwrap_or_else(|_| unreachable!("3 significant digits are valid"));
+        Self { histogram, unit }
+    }
+
+    /// Adds a value; non-finite and negative values count as 0.
+    pub fn record(&mut self, value: f64) {
+        let scaled = (value / self.unit).max(0.0);
+        self.histogram.saturating_record(if scaled.is_finite() { scaled as u64 } else { 0 });
+    }
+
+    /// Number of values.
+    pub fn count(&self) -> u64 {
+        self.histogram.len()
+    }
+
+    /// Median and tails.
+    pub fn percentiles(&self) -> Percentiles {
+        let at = |q| self.histogram.value_at_quantile(q) as f64 * self.unit;
+        Percentiles { p50: at(0.5), p99: at(0.99), p999: at(0.999), max: self.histogram.max() as f64 * self.unit }
+    }
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RunEnd {
+    /// All the time that was asked for.
+    Completed,
+    /// The caller asked it to stop.
+    Interrupted,
+    /// The body became non-finite; it was rolled back and the force set to zero.
+    BodyFailed,
+}
+
+/// The summary of a run. Times in seconds, forces in newtons.
+#[derive(Clone, Debug, Serialize)]
+pub struct RunSummary {
+    /// Name of the scene.
+    pub scene: String,
+    /// `real time` or `lockstep`.
+    pub mode: &'static str,
+    /// How the run ended.
+    pub end: RunEnd,
+    /// Simulated time [s].
+    pub simulated: f64,
+    /// Wall time [s]; 0 in lockstep, where it means nothing.
+    pub wall: f64,
+    /// Free nodes, tetrahedra of the body.
+    pub nodes: usize,
+    /// Tetrahedra of the body.
+    pub tetrahedra: usize,
+    /// Steps, factors and ticks done.
+    pub steps: u64,
+    /// Refreshes of the factor.
+    pub factors: u64,
+    /// Ticks done.
+    pub ticks: u64,
+    /// Rates reached [Hz]: step, factor, tick; zero in lockstep.
+    pub step_rate: f64,
+    /// Rate of the factor thread [Hz].
+    pub factor_rate: f64,
+    /// Rate of the tick thread [Hz].
+    pub tick_rate: f64,
+    /// Work of a step [s].
+    pub step_work: Percentiles,
+    /// Work of a factorisation [s].
+    pub factor_work: Percentiles,
+    /// Work of a tick [s].
+    pub tick_work: Percentiles,
+    /// How late a tick woke up [s].
+    pub tick_latency: Percentiles,
+    /// Deadlines missed by the step thread.
+    pub step_overruns: u64,
+    /// Deadlines missed by the tick thread.
+    pub tick_overruns: u64,
+    /// Refactorisations refused because the matrix was not positive definite.
+    pub factors_refused: u64,
+    /// Conjugate-gradient iterations per step.
+    pub iterations: Percentiles,
+    /// Age of the factor that a step used [s].
+    pub factor_age: Percentiles,
+    /// Contacts per step.
+    pub contacts: Percentiles,
+    /// Contacts that did not fit the stated capacity, over the run.
+    pub contacts_dropped: u64,
+    /// Worst relative natural-map residual of a step.
+    pub worst_residual: f64,
+    /// Worst relative natural-map residual of a tick.
+    pub worst_tick_residual: f64,
+    /// Elements whose tangent the definiteness filter changed, over all steps.
+    pub filtered: u64,
+    /// Elements that were inverted at the start of a step, over all steps.
+    pub inverted: u64,
+    /// Largest force on the device [N].
+    pub largest_force: f64,
+    /// Largest jump of the force at a new snapshot [N].
+    pub largest_jump: f64,
+    /// Records that the observer missed because its ring was full.
+    pub records_missed: u64,
+    /// What the trace holds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trace: Option<TraceOutcome>,
+    /// Files written.
+    pub files: Vec<PathBuf>,
+    /// Notes for the user: granted priority, failed body, trace trouble.
+    pub notes: Vec<String>,
+}

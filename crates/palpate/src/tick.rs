@@ -1,0 +1,93 @@
+//! The tick stage (1 kHz): device, latest snapshot, local contact problem, wrench; and the tool's pose for the step.
+
+use nalgebra::Isometry3;
+use palpate_haptics::device::{HapticDevice, TickTime};
+use palpate_haptics::exchange::{Reader, Writer};
+use palpate_haptics::run::run_tick;
+use palpate_haptics::snapshot::HapticSnapshot;
+use palpate_haptics::tick::{Tick, TickConfig, TickState, TickWorkspace};
+use palpate_haptics::wrench::Wrench;
+
+pub use palpate_haptics::record::{TickFlags, TickRecord};
+
+use crate::devices;
+use crate::record::TickLine;
+use crate::run::RunError;
+use crate::world::World;
+
+/// A tick with the times that only the real clock knows.
+#[derive(Clone, Copy, Debug)]
+pub struct TickReport {
+    /// What the tick did.
+    pub record: TickRecord,
+    /// How late it woke up [s]; 0 in lockstep.
+    pub latency: f64,
+    /// Its work [s]; 0 in lockstep.
+    pub work: f64,
+    /// Periods missed since the last tick.
+    pub overruns: u32,
+}
+
+/// The tick with everything that it reads and writes.
+pub(crate) struct Ticker {
+    tick: Tick,
+    state: TickState,
+    ws: TickWorkspace,
+    device: Box<dyn HapticDevice>,
+    snapshots: Reader<HapticSnapshot>,
+    poses: Writer<Isometry3<f64>>,
+    line: TickLine,
+    index: u64,
+}
+
+impl Ticker {
+    /// Opens the device of the scene.
+    pub(crate) fn new(
+        world: &World,
+        device: Box<dyn HapticDevice>,
+        snapshots: Reader<HapticSnapshot>,
+        poses: Writer<Isometry3<f64>>,
+        line: TickLine,
+    ) -> Result<Self, RunError> {
+        let scene = world.description();
+        let spec = device.spec();
+        let config = TickConfig {
+            period: 1.0 / scene.rates.tick,
+            sweeps: scene.solver.tick_sweeps,
+            tolerance: scene.solver.tick_tolerance,
+            coupling: devices::coupling(scene, spec),
+            limits: scene.limits,
+        };
+        let tick = Tick::new(&config, spec).map_err(|e| RunError::Device(e.to_string()))?;
+        let contacts = world.detection().max_contacts;
+        let (state, ws) = (TickState::new(contacts), TickWorkspace::new(contacts));
+        Ok(Self { tick, state, ws, device, snapshots, poses, line, index: 0 })
+    }
+
+    /// Nominal time between ticks [s].
+    pub(crate) fn period(&self) -> f64 {
+        self.tick.period()
+    }
+
+    /// One tick at `time` [s], `dt` seconds after the last: allocates nothing, takes no lock, has no panic path.
+    pub(crate) fn tick(&mut self, time: f64, dt: f64) -> TickRecord {
+        let moment = TickTime { index: self.index, time, dt };
+        self.index += 1;
+        let device = self.device.as_mut();
+        let record = run_tick(&self.tick, &mut self.state, &mut self.ws, &mut self.snapshots, device, moment);
+        self.poses.send(record.tool_pose);
+        record
+    }
+
+    /// Hands the report to the trace.
+    pub(crate) fn trace(&mut self, report: &TickReport) {
+        self.line.push(report);
+    }
+
+    /// Takes the force off and lets the device go.
+    pub(crate) fn rest(&mut self) {
+        // A device that is gone already needs no zero force.
+        let _ = self.device.write(Wrench::zero());
+        self.device.close();
+    }
+}

@@ -1,0 +1,288 @@
+//! A scene made ready: mesh, body, symbolic factorisation, tool. Nothing in it changes while a run lasts.
+
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use nalgebra::{Isometry3, Vector3};
+use palpate_collision::broad_phase::SurfaceGeometry;
+use palpate_collision::detection::{DetectionConfig, DetectionWorkspace, detect};
+use palpate_collision::contact::ContactSet;
+use palpate_collision::shape::ToolShape;
+use palpate_fem::block::{block, evenly};
+use palpate_fem::factor::SymbolicFactor;
+use palpate_fem::image::LabelImage;
+use palpate_fem::mesh::{MeshQuality, TetMesh};
+use palpate_fem::model::{FemConfig, FemModel, FemState};
+use palpate_fem::stuffing::{ClosedSurface, Stuffing, stuff_image, stuff_surface};
+use palpate_fem::surface::Surface;
+
+use crate::scene::{NodeSelection, Scene, SceneDescription, SceneError, SceneFile};
+
+/// A scene made ready to run.
+pub struct World {
+    scene: Scene,
+    mesh: TetMesh,
+    quality: MeshQuality,
+    surface: Surface,
+    model: FemModel,
+    symbolic: Arc<SymbolicFactor>,
+    detection: DetectionConfig,
+    warnings: Vec<String>,
+}
+
+impl World {
+    /// The scene that it was built from.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The description of that scene.
+    pub fn description(&self) -> &SceneDescription {
+        self.scene.description()
+    }
+
+    /// The step [s].
+    pub fn dt(&self) -> f64 {
+        1.0 / self.description().rates.step
+    }
+
+    /// The mesh of the body [m].
+    pub fn mesh(&self) -> &TetMesh {
+        &self.mesh
+    }
+
+    /// The boundary of that mesh.
+    pub fn surface(&self) -> &Surface {
+        &self.surface
+    }
+
+    /// The body.
+    pub fn model(&self) -> &FemModel {
+        &self.model
+    }
+
+    /// The symbolic factorisation of its system matrix.
+    pub fn symbolic(&self) -> &Arc<SymbolicFactor> {
+        &self.symbolic
+    }
+
+    /// The shape of the tool.
+    pub fn tool(&self) -> &ToolShape {
+        &self.description().tools[0].shape
+    }
+
+    /// How contacts are found.
+    pub fn detection(&self) -> &DetectionConfig {
+        &self.detection
+    }
+
+    /// What is odd but no mistake.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// The pose of the tool before the first step: where the hand's path begins.
+    pub fn first_pose(&self) -> Isometry3<f64> {
+        first_pose(self.description())
+    }
+
+    /// What was understood of the scene, as text for people.
+    pub fn understood(&self) -> String {
+        let d = self.description();
+        let body = &d.bodies[0];
+        let q = &self.quality;
+        let mut text = String::new();
+        let fixed = self.mesh.nodes.len() - self.model.free_nodes();
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "scene {}: {}", d.name, d.description);
+        let _ = writeln!(
+            text,
+            "body {}: {} nodes ({fixed} fixed), {} tetrahedra, {:.1} cm³, {:.3} kg",
+            body.name,
+            self.mesh.nodes.len(),
+            self.mesh.tetrahedra.len(),
+            q.volume * 1e6,
+            self.model.total_mass(),
+        );
+        for (k, name) in self.mesh.region_names.iter().enumerate() {
+            let count = self.mesh.regions.iter().filter(|&&r| usize::from(r) == k).count();
+            let _ = writeln!(text, "  region {name}: {count} tetrahedra, {}", material_of(body, name));
+        }
+        let _ = writeln!(text, "  smallest dihedral angle {:.1}°", q.min_dihedral.to_degrees());
+        let _ = writeln!(text, "tool {}: {:?}", d.tools[0].name, d.tools[0].shape);
+        let c = &d.contact;
+        let _ = writeln!(
+            text,
+            "contact at {:?} within {:.1} mm, friction {}, at most {} contacts",
+            c.at,
+            c.margin * 1e3,
+            c.friction,
+            c.max_contacts
+        );
+        let _ = writeln!(
+            text,
+            "rates: step {} Hz, factor {} Hz, tick {} Hz; compliance {:?}",
+            d.rates.step, d.rates.factor, d.rates.tick, body.compliance
+        );
+        let _ = write!(
+            text,
+            "factor: {:.2} million nonzeros, {:.0} million operations; device {}, hand {}, {} s",
+            self.symbolic.nonzeros() as f64 / 1e6,
+            self.symbolic.flops() / 1e6,
+            d.device.kind,
+            d.hand.preset,
+            d.seconds
+        );
+        text
+    }
+}
+
+fn material_of(body: &crate::scene::BodyDescription, region: &str) -> String {
+    format!("{:?}", body.regions.get(region).unwrap_or(&body.material))
+}
+
+fn first_pose(description: &SceneDescription) -> Isometry3<f64> {
+    let [x, y, z] = description.hand.path[0].position;
+    Isometry3::translation(x, y, z)
+}
+
+/// Builds the world of a checked scene.
+pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
+    let description = scene.description();
+    let body = &description.bodies[0];
+    let (mesh, mut warnings) = load(scene)?;
+    let (quality, found) = mesh.validate()?;
+    warnings.extend(found.iter().map(ToString::to_string));
+    let surface = mesh.surface();
+    let fixed = fixed_nodes(scene, &mesh)?;
+    for name in body.regions.keys() {
+        if !mesh.region_names.contains(name) {
+            let known = mesh.region_names.join(", ");
+            let message = format!("the mesh has no region `{name}`");
+            return Err(scene.at(&format!("body.0.regions.{name}"), message, format!("its regions are {known}")));
+        }
+    }
+    let config = FemConfig {
+        material: body.material,
+        regions: body.regions.clone(),
+        density: body.density,
+        total_mass: body.total_mass,
+        rayleigh_mass: body.rayleigh_mass,
+        rayleigh_stiffness: body.rayleigh_stiffness,
+        gravity: Vector3::from(description.gravity),
+        fixed,
+        filter: body.definiteness_filter,
+        ..FemConfig::default()
+    };
+    let model = FemModel::new(&mesh, &config)
+        .map_err(|e| scene.at("body.0", e.to_string(), "correct the body's materials, density or fixed nodes"))?;
+    let positions: Vec<_> = model.node_of_free().iter().map(|&n| mesh.nodes[n as usize]).collect();
+    let symbolic = SymbolicFactor::new(model.pattern(), &positions)
+        .map_err(|e| scene.at("body.0", e.to_string(), "use a smaller mesh"))?;
+    let contact = &description.contact;
+    let detection = DetectionConfig {
+        kind: contact.at,
+        margin: contact.margin,
+        merge_distance: contact.merge_distance,
+        max_contacts: contact.max_contacts,
+        ..DetectionConfig::default()
+    };
+    let world =
+        World { scene: scene.clone(), mesh, quality, surface, model, symbolic: Arc::new(symbolic), detection, warnings };
+    tool_outside(&world)?;
+    Ok(world)
+}
+
+/// Reads the mesh, or makes it from an image or a closed surface.
+fn load(scene: &Scene) -> Result<(TetMesh, Vec<String>), SceneError> {
+    let body = &scene.description().bodies[0];
+    if let Some(name) = &body.mesh {
+        let SceneFile::Path(path) = scene.file(name) else {
+            return Err(scene.at("body.0.mesh", format!("`{name}` is not a mesh"), "name it as `image`, with a `cell`"));
+        };
+        return Ok((TetMesh::load(&path)?.scaled(body.scale), Vec::new()));
+    }
+    if let Some(b) = &body.block {
+        let axis = |c: usize| evenly(b.min[c], b.max[c], b.cells[c]);
+        return Ok((block(&axis(0), &axis(1), &axis(2)).scaled(body.scale), Vec::new()));
+    }
+    let (Some(name), Some(cell)) = (&body.image, body.cell) else {
+        return Err(scene.at("body.0", "the body has no geometry", "add `mesh` or `image` with `cell`"));
+    };
+    let stuffing = Stuffing { cell, ..Stuffing::default() };
+    let (mesh, report) = match scene.file(name) {
+        SceneFile::Embedded(bytes) => stuff_image(&LabelImage::from_inrimage_bytes(bytes)?, &stuffing)?,
+        SceneFile::Path(path) if ClosedSurface::recognises(&path) => {
+            stuff_surface(&ClosedSurface::load(&path)?.scaled(body.scale), &stuffing)?
+        }
+        SceneFile::Path(path) => stuff_image(&LabelImage::load(&path)?, &stuffing)?,
+    };
+    Ok((mesh, report.warnings().map(|w| w.to_string()).collect()))
+}
+
+/// The nodes that the scene fixes.
+fn fixed_nodes(scene: &Scene, mesh: &TetMesh) -> Result<Vec<u32>, SceneError> {
+    let mut fixed = vec![false; mesh.nodes.len()];
+    for (k, selection) in scene.description().bodies[0].fixed.iter().enumerate() {
+        let place = format!("body.0.fixed.{k}");
+        let mut count = 0;
+        let mut mark = |node: usize| {
+            fixed[node] = true;
+            count += 1;
+        };
+        let within = |inside: &dyn Fn(&Vector3<f64>) -> bool, mark: &mut dyn FnMut(usize)| {
+            mesh.nodes.iter().enumerate().filter(|(_, x)| inside(x)).for_each(|(i, _)| mark(i));
+        };
+        match selection {
+            NodeSelection::NodeSet(name) => {
+                let Some(nodes) = mesh.node_sets.get(name) else {
+                    let known: Vec<_> = mesh.node_sets.keys().map(String::as_str).collect();
+                    let message = format!("the mesh has no node set `{name}`");
+                    return Err(scene.at(&place, message, format!("its node sets are: {}", known.join(", "))));
+                };
+                nodes.iter().for_each(|&n| mark(n as usize));
+            }
+            NodeSelection::Region(name) => {
+                let Some(region) = mesh.region_names.iter().position(|r| r == name) else {
+                    let message = format!("the mesh has no region `{name}`");
+                    return Err(scene.at(&place, message, format!("its regions are {}", mesh.region_names.join(", "))));
+                };
+                let of_region = mesh.tetrahedra.iter().zip(&mesh.regions).filter(|(_, r)| usize::from(**r) == region);
+                of_region.flat_map(|(t, _)| t).for_each(|&n| mark(n as usize));
+            }
+            NodeSelection::Below(p) => within(&|x| x[p.axis.index()] <= p.at, &mut mark),
+            NodeSelection::Above(p) => within(&|x| x[p.axis.index()] >= p.at, &mut mark),
+            NodeSelection::Box { min, max } => within(&|x| (0..3).all(|c| min[c] <= x[c] && x[c] <= max[c]), &mut mark),
+            NodeSelection::Ball { center, radius } => {
+                within(&|x| (x - Vector3::from(*center)).norm() <= *radius, &mut mark);
+            }
+        }
+        if count == 0 {
+            let (low, high) = mesh.bounding_box();
+            let message = "this selection holds no node";
+            let remedy = format!("the body spans x {:.4}..{:.4}, y {:.4}..{:.4}, z {:.4}..{:.4} m", low.x, high.x, low.y, high.y, low.z, high.z);
+            return Err(scene.at(&place, message, remedy));
+        }
+    }
+    if fixed.iter().all(|&f| f) && !fixed.is_empty() {
+        return Err(scene.at("body.0.fixed", "every node is fixed: nothing can move", "fix fewer nodes"));
+    }
+    Ok((0..fixed.len()).filter(|&n| fixed[n]).map(|n| n as u32).collect())
+}
+
+/// Refuses a tool that begins inside the body: there is no skin that it came through.
+fn tool_outside(world: &World) -> Result<(), SceneError> {
+    let mut geometry = SurfaceGeometry::new(&world.surface.triangles, world.mesh.nodes.len());
+    geometry.refit(&world.mesh.nodes);
+    let mut ws = DetectionWorkspace::new(&geometry, &world.detection);
+    let mut contacts = ContactSet::with_capacity(world.detection.max_contacts);
+    let pose = world.first_pose();
+    let state = FemState::at_rest(&world.model);
+    let report = detect(&geometry, &state.q, world.tool(), &pose, &world.detection, &mut ws, &mut contacts);
+    if report.tool_inside {
+        let p = pose.translation.vector;
+        let message = format!("the tool begins inside the body, at {:.4}, {:.4}, {:.4} m", p.x, p.y, p.z);
+        return Err(world.scene.at("hand.path.0", message, "begin outside the skin, then press"));
+    }
+    Ok(())
+}
