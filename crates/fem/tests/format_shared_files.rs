@@ -88,7 +88,8 @@ fn gmsh_groups_of_triangles_and_lines_become_node_sets_on_the_surface() {
 #[test]
 fn surfaces_and_images_are_refused_with_the_way_to_tetrahedra() {
     let Some(shared) = shared() else { return };
-    for name in ["meshes/liver.vtk", "meshes/liver-smooth.obj", "meshes/dental_instrument_light.obj", "data/liver.inr.gz"]
+    for name in
+        ["meshes/liver.vtk", "meshes/liver-smooth.obj", "meshes/dental_instrument_light.obj", "data/liver.inr.gz"]
     {
         let error = format::read(&shared.join(name)).unwrap_err();
         assert!(matches!(error, MeshError::NotVolumetric { .. }), "{error}");

@@ -49,9 +49,13 @@ fn read_format(mut cursor: Cursor) -> Result<RawMesh, MeshError> {
 /// Skips a section that holds nothing of use here.
 pub(super) fn skip_section(cursor: &mut Cursor, section: &str) -> Result<(), MeshError> {
     let name = section.trim_start_matches('$');
-    if name == "PartitionedEntities" {
-        let remedy = "save the mesh without partitions";
-        return Err(MeshError::Unsupported { at: cursor.at(), what: "a partitioned mesh".into(), remedy });
+    let unsupported = match name {
+        "PartitionedEntities" => Some(("a partitioned mesh", "save the mesh without partitions")),
+        "ParametricNodes" | "PARANOD" => Some(("a mesh with parametric nodes", "save it with Mesh.SaveParametric = 0")),
+        _ => None,
+    };
+    if let Some((what, remedy)) = unsupported {
+        return Err(MeshError::Unsupported { at: cursor.at(), what: what.into(), remedy });
     }
     cursor.skip_past(format!("$End{name}").as_bytes())
 }

@@ -100,7 +100,10 @@ impl<'a> Document<'a> {
                 }
                 Event::End(_) => {
                     if let Some((mut array, start)) = open.take() {
-                        array.payload.set_text(self.bytes.get(start..before).unwrap_or_default());
+                        // Numbers come first; VTK puts elements that describe them behind.
+                        let text = self.bytes.get(start..before).unwrap_or_default();
+                        let length = text.iter().position(|&byte| byte == b'<').unwrap_or(text.len());
+                        array.payload.set_text(&text[..length]);
                         self.arrays.push(array);
                     }
                     sections.pop();
