@@ -32,6 +32,8 @@ pub struct ConvexHull {
     normals: Vec<Vector3<f64>>,
     /// `normal · x` on each triangle.
     offsets: Vec<f64>,
+    /// Outward unit normals of the flat faces, each once.
+    face_normals: Vec<Vector3<f64>>,
     edges: Vec<HullEdge>,
     neighbour_start: Vec<u32>,
     neighbours: Vec<u32>,
@@ -78,6 +80,12 @@ impl ConvexHull {
             return Err(fail("the hull does not enclose its points".into()));
         }
         let edges = edges(&triangles, &normals).ok_or_else(|| fail("the hull is not closed".into()))?;
+        let mut face_normals: Vec<Vector3<f64>> = Vec::new();
+        for normal in &normals {
+            if face_normals.iter().all(|n| n.cross(normal).norm() > COPLANAR || n.dot(normal) < 0.0) {
+                face_normals.push(*normal);
+            }
+        }
         let (neighbour_start, neighbours) = neighbours(vertices.len(), &triangles);
         let extremes = [Vector3::x(), -Vector3::x(), Vector3::y(), -Vector3::y(), Vector3::z(), -Vector3::z()]
             .map(|direction| support_index(&vertices, &direction) as u32);
@@ -86,6 +94,7 @@ impl ConvexHull {
             triangles,
             normals,
             offsets,
+            face_normals,
             edges,
             neighbour_start,
             neighbours,
@@ -109,6 +118,11 @@ impl ConvexHull {
     /// Outward unit normal of each triangle.
     pub fn normals(&self) -> &[Vector3<f64>] {
         &self.normals
+    }
+
+    /// Outward unit normals of the flat faces, each once.
+    pub fn face_normals(&self) -> &[Vector3<f64>] {
+        &self.face_normals
     }
 
     /// Edges between faces that meet at an angle.

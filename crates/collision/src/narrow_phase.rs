@@ -4,18 +4,19 @@
 //! `n = ∇d` its unit gradient, which points from the tool to the tissue. Near the skin `gap = d(x)` with normal `n`.
 //!
 //! A triangle has two faces for a distance: once the tool has passed below the skin, `n` points out of the body and
-//! a force along it would pull the tool through. Two nearby states need the same answer there, so the rule bends `n`
+//! a force along it would pull the tool through. Two nearby states need nearby answers there, so the rule bends `n`
 //! instead of switching it. With `k = -n · s` (1 where the tool pushes straight into the tissue, -1 where it pulls):
 //!
 //! * `k >= 1/2`: the normal is `n`, the gap `d(x)`.
 //! * below, `n` without its outward part is blended with `-s`: by the share `w m`, where `m` rises from 0 at `k = 1/2`
 //!   to 1 at `k <= 0`, and `w` rises from 0 at the tool's outline, seen along `s`, to 1 within it. The gap is measured
-//!   to the tool's tangent plane with that normal, `(x - support(n)) · n`.
+//!   to the tool's tangent plane with that normal, `(x - support(n)) · n`. Where a capsule or hull has other ways out
+//!   (across its axis, through its faces), they are bent likewise, and the greatest gap, the shortest way, counts.
 //!
 //! So `normal · (-s) >= 0` always. The gap is continuous in `x` and in the tool's place, agrees with `d` where `k = 1/2`
-//! and at the outline of a tool as deep as its widest place, and never grows while the tool goes deeper. Directly below
-//! the tool's middle it is the depth of the tool's lowest point: the tool leaves through the side it came from, never
-//! sideways through a hole. Features with `k < 0` outside the outline are not touched by the tool at all.
+//! and with no contact at the outline, and never grows while the tool goes deeper. Below the tool's middle it is the
+//! depth of the tool's lowest point: the tool leaves through the side it came from, never sideways through a hole.
+//! Features with `k < 0` outside the outline are not touched by the tool at all.
 //!
 //! A hull also touches with its own corners (the skin's normal is then the normal) and edges (the common perpendicular).
 
@@ -47,28 +48,42 @@ pub struct Touch {
 /// A zero `skin` (normals that cancel) leaves the distance as it is.
 pub fn touch(tool: &ToolShape, pose: &Isometry3<f64>, x: &Vector3<f64>, skin: &Vector3<f64>) -> Option<Touch> {
     let near = tool.signed_distance(pose, x);
-    let along = |normal: Vector3<f64>, facing: f64| {
-        let gap = (x - tool.support(pose, &normal)).dot(&normal);
-        gap.is_finite().then_some(Touch { normal, gap, facing })
-    };
-    let no_skin = skin.norm_squared() < 0.5;
-    if near.normal == Vector3::zeros() {
-        // On the axis every way out is equally near; the skin knows the right one.
-        return if no_skin { None } else { along(-skin, 0.0) };
+    if !near.distance.is_finite() || !near.normal.iter().all(|n| n.is_finite()) {
+        return None;
     }
-    let k = if no_skin { 1.0 } else { -near.normal.dot(skin) };
+    let on_axis = near.normal == Vector3::zeros();
+    let k = if skin.norm_squared() < 0.5 { 1.0 } else { -near.normal.dot(skin) };
+    let straight = Touch { normal: near.normal, gap: near.distance, facing: k };
     if k >= TRUSTED {
-        return near.distance.is_finite().then_some(Touch { normal: near.normal, gap: near.distance, facing: k });
+        return (!on_axis).then_some(straight);
     }
     let lateral = tool.lateral_distance(pose, x, skin);
-    if lateral >= 0.0 || lateral.is_nan() {
-        let open = k >= 0.0 && near.distance.is_finite();
-        return open.then_some(Touch { normal: near.normal, gap: near.distance, facing: k });
+    if lateral >= 0.0 {
+        return (k >= 0.0 && !on_axis).then_some(straight);
     }
     let covered = (-2.0 * lateral / tool.inner_radius()).min(1.0);
+    let mut best: Option<Touch> = None;
+    let mut leave = |way: Vector3<f64>| {
+        let Some(normal) = bend(&way, skin, covered) else { return };
+        let gap = (x - tool.support(pose, &normal)).dot(&normal);
+        if best.is_none_or(|b| gap > b.gap) && gap.is_finite() {
+            best = Some(Touch { normal, gap, facing: k });
+        }
+    };
+    leave(if on_axis { -skin } else { near.normal });
+    tool.exits(pose, skin, leave);
+    best
+}
+
+/// A way out of the tool, bent towards `-skin` where it leads along the skin or out of the body.
+fn bend(way: &Vector3<f64>, skin: &Vector3<f64>, covered: f64) -> Option<Vector3<f64>> {
+    let k = -way.dot(skin);
+    if k >= TRUSTED {
+        return Some(*way);
+    }
     let share = covered * ((TRUSTED - k) / TRUSTED).min(1.0);
-    let sideways = if k >= 0.0 { near.normal } else { (near.normal + skin * k).try_normalize(1e-9).unwrap_or(-skin) };
-    along((sideways * (1.0 - share) - skin * share).try_normalize(1e-9)?, k)
+    let sideways = if k >= 0.0 { *way } else { (way + skin * k).try_normalize(1e-9).unwrap_or(-skin) };
+    (sideways * (1.0 - share) - skin * share).try_normalize(1e-9)
 }
 
 /// Calls `visit` with the points of a triangle at which a sphere or capsule with this axis touches it, each with the

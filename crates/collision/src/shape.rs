@@ -217,6 +217,21 @@ impl ToolShape {
         }
     }
 
+    /// Calls `visit` with the directions (unit vectors, world frame) in which a point deep inside the tool may leave it
+    /// besides the nearest: across the axis of a capsule towards `-skin`; through each face of a hull.
+    pub fn exits(&self, pose: &Isometry3<f64>, skin: &Vector3<f64>, mut visit: impl FnMut(Vector3<f64>)) {
+        match &self.geometry {
+            Geometry::Sphere { .. } => {}
+            Geometry::Capsule { .. } => {
+                let axis = pose.rotation * Vector3::z();
+                if let Some(across) = (axis * axis.dot(skin) - skin).try_normalize(1e-9) {
+                    visit(across);
+                }
+            }
+            Geometry::Convex(hull) => hull.face_normals().iter().for_each(|n| visit(pose.rotation * n)),
+        }
+    }
+
     /// Radius of a ball inside the tool [m]: the depth up to which the nearest way out can be trusted.
     pub fn inner_radius(&self) -> f64 {
         match &self.geometry {

@@ -1,1 +1,173 @@
 //! Compliance in constraint space.
+//!
+//! `W = h² H A⁻¹ Hᵀ` [m/N]: how far the gap of one row opens per newton on another within a step. `A` is in kg, `H` has
+//! no unit, and the factor `h²` appears here and nowhere else. The matching correction of the motion is
+//! `Δv = h A⁻¹ Hᵀ λ` [m/s].
+//!
+//! The asynchronous method has only the factor of an older matrix `A₀`, taken when the tissue was turned differently.
+//! With `R` the block-diagonal matrix of the nodes' rotations since then, `A⁻¹ ≈ R A₀⁻¹ Rᵀ` (compliance warping: Saupin,
+//! Duriez, Cotin, Grisoni, CGI 2008), hence `W ≈ h² (H R) A₀⁻¹ (H R)ᵀ` and `Δv ≈ h R A₀⁻¹ (H R)ᵀ λ`. Exact where the
+//! tissue has only turned as a whole. The contact law holds exactly for any symmetric positive `W`; its error is one of
+//! accuracy, never of feasibility.
+
+use nalgebra::{DMatrix, Matrix3};
+use palpate_fem::nodal_rows::NodalRows;
+use serde::{Deserialize, Serialize};
+
+/// How `W` is computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ComplianceMethod {
+    /// From the latest factor of the background thread, warped by the rotations of the nodes since.
+    #[default]
+    #[serde(rename = "async")]
+    Asynchronous,
+    /// From a factor of this step's matrix.
+    #[serde(rename = "exact")]
+    Exact,
+}
+
+/// A symmetric positive definite matrix that can apply its inverse to sparse rows.
+///
+/// Implemented by the sparse factor; a dense inverse serves as well.
+pub trait InverseRows {
+    /// Scratch memory; also keeps what `correct` needs from the latest `compliance_into`.
+    type Workspace;
+
+    /// `w = scale H A⁻¹ Hᵀ`; `w` is given the size `m x m`.
+    fn compliance_into(&self, rows: &NodalRows, scale: f64, w: &mut DMatrix<f64>, ws: &mut Self::Workspace);
+
+    /// `x = A⁻¹ Hᵀ λ`, with the rows of the latest `compliance_into` on this workspace.
+    fn correct(&self, lambda: &[f64], x: &mut [f64], ws: &mut Self::Workspace);
+}
+
+/// The inverse that a method uses.
+#[derive(Debug)]
+pub struct WarpedInverse<'a, I> {
+    /// [`ComplianceMethod::Exact`]: of this step's matrix. Otherwise: of an older one.
+    pub inverse: &'a I,
+    /// Rotation of each free node since the factor was taken, from then to now; none for the exact method.
+    pub rotations: Option<&'a [Matrix3<f64>]>,
+}
+
+impl<I> Clone for WarpedInverse<'_, I> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<I> Copy for WarpedInverse<'_, I> {}
+
+impl<'a, I> WarpedInverse<'a, I> {
+    /// The inverse as the method wants it: the exact method has nothing to warp.
+    pub fn new(method: ComplianceMethod, inverse: &'a I, rotations: &'a [Matrix3<f64>]) -> Self {
+        match method {
+            ComplianceMethod::Asynchronous => Self { inverse, rotations: Some(rotations) },
+            ComplianceMethod::Exact => Self { inverse, rotations: None },
+        }
+    }
+}
+
+/// Memory for compliance and correction.
+#[derive(Clone, Debug)]
+pub struct ComplianceWorkspace<W> {
+    rotated: NodalRows,
+    inverse: W,
+}
+
+impl<W> ComplianceWorkspace<W> {
+    /// Memory for `rows` rows of up to three nodes, and the inverse's own workspace.
+    pub fn new(rows: usize, inverse: W) -> Self {
+        Self { rotated: NodalRows::with_capacity(rows, 3), inverse }
+    }
+}
+
+/// What the matrix looks like.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ComplianceReport {
+    /// Rows `m`.
+    pub rows: usize,
+    /// Least and greatest diagonal entry [m/N]; both 0 without rows.
+    pub diagonal: [f64; 2],
+    /// `max |W - Wᵀ| / max |W|`.
+    pub asymmetry: f64,
+    /// Every entry is finite and every diagonal entry positive.
+    pub usable: bool,
+}
+
+/// `rows <- H R`: the value `v` at node `k` becomes `R_kᵀ v`, since `(H R)_k = v_kᵀ R_k`.
+///
+/// Nodes beyond the rotations keep their values.
+pub fn rotate_rows(rows: &mut NodalRows, rotations: &[Matrix3<f64>]) {
+    rows.map_values(|node, value| rotations.get(node as usize).map_or(value, |r| r.tr_mul(&value)));
+}
+
+/// Assembles `W = h² H A⁻¹ Hᵀ` [m/N] of the rows for the step `dt` [s].
+pub fn assemble<I: InverseRows>(
+    system: WarpedInverse<'_, I>,
+    rows: &NodalRows,
+    dt: f64,
+    w: &mut DMatrix<f64>,
+    ws: &mut ComplianceWorkspace<I::Workspace>,
+) -> ComplianceReport {
+    let h2 = dt * dt;
+    match system.rotations {
+        None => system.inverse.compliance_into(rows, h2, w, &mut ws.inverse),
+        Some(rotations) => {
+            ws.rotated.clear();
+            for r in 0..rows.len() {
+                ws.rotated.push_row(rows.row(r));
+            }
+            rotate_rows(&mut ws.rotated, rotations);
+            system.inverse.compliance_into(&ws.rotated, h2, w, &mut ws.inverse);
+        }
+    }
+    report(w, rows.len())
+}
+
+/// Correction `Δv = h A⁻¹ Hᵀ λ` [m/s] of the free nodes for the rows of the latest [`assemble`]; overwrites `delta_v`.
+pub fn correct<I: InverseRows>(
+    system: WarpedInverse<'_, I>,
+    lambda: &[f64],
+    dt: f64,
+    delta_v: &mut [f64],
+    ws: &mut ComplianceWorkspace<I::Workspace>,
+) {
+    system.inverse.correct(lambda, delta_v, &mut ws.inverse);
+    for (k, x) in delta_v.chunks_exact_mut(3).enumerate() {
+        let v = nalgebra::Vector3::new(x[0], x[1], x[2]) * dt;
+        let v = system.rotations.and_then(|all| all.get(k)).map_or(v, |r| r * v);
+        x.copy_from_slice(v.as_slice());
+    }
+}
+
+/// Gives a square matrix another size, in its own memory where that suffices; its entries become zero.
+pub fn resize_square(w: &mut DMatrix<f64>, m: usize) {
+    if w.nrows() == m && w.ncols() == m {
+        w.fill(0.0);
+        return;
+    }
+    let mut values: Vec<f64> = std::mem::replace(w, DMatrix::zeros(0, 0)).data.into();
+    values.clear();
+    values.resize(m * m, 0.0);
+    *w = DMatrix::from_vec(m, m, values);
+}
+
+fn report(w: &DMatrix<f64>, rows: usize) -> ComplianceReport {
+    let mut report = ComplianceReport { rows, diagonal: [0.0; 2], asymmetry: 0.0, usable: w.shape() == (rows, rows) };
+    if rows == 0 || !report.usable {
+        return report;
+    }
+    let (mut greatest, mut skew) = (0.0f64, 0.0f64);
+    report.diagonal = [f64::INFINITY, f64::NEG_INFINITY];
+    for j in 0..rows {
+        report.diagonal = [report.diagonal[0].min(w[(j, j)]), report.diagonal[1].max(w[(j, j)])];
+        report.usable &= w[(j, j)] > 0.0;
+        for i in 0..rows {
+            report.usable &= w[(i, j)].is_finite();
+            greatest = greatest.max(w[(i, j)].abs());
+            skew = skew.max((w[(i, j)] - w[(j, i)]).abs());
+        }
+    }
+    report.asymmetry = if greatest > 0.0 { skew / greatest } else { 0.0 };
+    report
+}
