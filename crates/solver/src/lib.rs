@@ -1,5 +1,13 @@
 //! Solvers of the frictional contact problem `delta = W lambda + delta_free`.
+//!
+//! A [`ConstraintProblem`](problem::ConstraintProblem) is a value: compliance `W` in m/N, gaps `delta_free` in m, and
+//! the law of each block of rows. A solver reads a [`ProblemView`](problem::ProblemView), starts from the forces it is
+//! given, and answers with forces in N and a [`SolveReport`](report::SolveReport). All solvers stop on the residual of
+//! [`residual`]. A solver is one file and one line in [`solver`].
 
 pub mod gauss_seidel;
 pub mod problem;
+pub mod problem_file;
+pub mod report;
 pub mod residual;
+pub mod solver;

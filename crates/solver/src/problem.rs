@@ -1,1 +1,424 @@
 //! The contact problem as a value.
+//!
+//! ```text
+//! delta = W lambda + delta_free ,   (delta_a, lambda_a) in the law of each block a
+//! ```
+//!
+//! `W` in m/N, `delta` and `delta_free` in m (`>= 0` apart), `lambda` in N (positive pushes apart). `W` is stored by
+//! columns, as nalgebra does: column `j` is the change of all gaps by a force on row `j`, which is what a solver adds
+//! when it changes that force. For the symmetric `W` of contact problems rows and columns are the same numbers; the few
+//! problems from elsewhere whose `W` is not symmetric (linear complementarity problems) are treated as they are written.
+
+use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector, Dyn, Matrix3, Vector3};
+use palpate_constraints::law::{Law, LawError};
+use serde::{Deserialize, Serialize};
+
+/// Largest asymmetry that [`ConstraintProblem::validate`] accepts, relative to `sqrt(W_ii W_jj)`. A compliance from a
+/// factor is symmetric to 1e-12; a wrong sign or a missing row shows at order one.
+pub const SYMMETRY_TOLERANCE: f64 = 1e-6;
+
+/// Rows `start .. start + law.rows()`, solved together.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Block {
+    /// First row.
+    pub start: usize,
+    /// The law of the rows.
+    pub law: Law,
+}
+
+/// A contact problem that somebody else owns. Sizes are checked by [`ProblemView::is_consistent`] only, not by
+/// construction: solvers check before they start.
+#[derive(Clone, Copy, Debug)]
+pub struct ProblemView<'a> {
+    /// `W` by columns, m/N: `W_ij = compliance[j * stride + i]`.
+    pub compliance: &'a [f64],
+    /// Distance between the starts of two columns, `>= rows`.
+    pub stride: usize,
+    /// Gaps without contact forces, m.
+    pub delta_free: &'a [f64],
+    /// Blocks in the order of their rows, without holes.
+    pub blocks: &'a [Block],
+}
+
+impl<'a> ProblemView<'a> {
+    /// Number of rows `m`.
+    #[inline]
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.delta_free.len()
+    }
+
+    /// Whether the sizes agree and the blocks tile the rows. O(number of blocks).
+    #[must_use]
+    pub fn is_consistent(&self) -> bool {
+        let rows = self.rows();
+        let needed = match rows.checked_sub(1) {
+            None => Some(0),
+            Some(last) => last.checked_mul(self.stride).and_then(|start| start.checked_add(rows)),
+        };
+        let mut next = 0;
+        let tiled = self.blocks.iter().all(|block| {
+            let fits = block.start == next && (1..=3).contains(&block.law.rows());
+            next = block.start.saturating_add(block.law.rows());
+            fits
+        });
+        tiled && next == rows && self.stride >= rows && needed.is_some_and(|needed| self.compliance.len() >= needed)
+    }
+
+    /// Column `j` of `W`; empty where it lies outside the problem.
+    #[inline]
+    #[must_use]
+    pub fn column(&self, j: usize) -> &'a [f64] {
+        self.compliance.get(j * self.stride..).and_then(|tail| tail.get(..self.rows())).unwrap_or(&[])
+    }
+
+    /// The diagonal block of `W`, padded with zeros.
+    #[inline]
+    #[must_use]
+    pub fn diagonal_block(&self, block: &Block) -> Matrix3<f64> {
+        let rows = block.law.rows().min(3);
+        let mut diagonal = Matrix3::zeros();
+        for j in 0..rows {
+            let column = self.column(block.start + j);
+            for i in 0..rows {
+                diagonal[(i, j)] = column.get(block.start + i).copied().unwrap_or(0.0);
+            }
+        }
+        diagonal
+    }
+
+    /// `delta = W lambda + delta_free`. Columns with zero force are skipped. Does nothing where the lengths of `lambda`
+    /// and `delta` are not the number of rows.
+    pub fn gap(&self, lambda: &[f64], delta: &mut [f64]) {
+        if lambda.len() != self.rows() || delta.len() != self.rows() {
+            return;
+        }
+        delta.copy_from_slice(self.delta_free);
+        for (j, &force) in lambda.iter().enumerate() {
+            if force != 0.0 {
+                for (gap, w) in delta.iter_mut().zip(self.column(j)) {
+                    *gap += w * force;
+                }
+            }
+        }
+    }
+}
+
+/// The entries of a block in a long vector, padded with zeros.
+#[inline]
+pub(crate) fn gather(long: &[f64], block: &Block) -> Vector3<f64> {
+    match long.get(block.start..).unwrap_or(&[]) {
+        [x, y, z, ..] if block.law.rows() == 3 => Vector3::new(*x, *y, *z),
+        [x, y, ..] if block.law.rows() == 2 => Vector3::new(*x, *y, 0.0),
+        [x, ..] => Vector3::new(*x, 0.0, 0.0),
+        [] => Vector3::zeros(),
+    }
+}
+
+/// Writes the entries of a block into a long vector.
+#[inline]
+pub(crate) fn scatter(local: &Vector3<f64>, block: &Block, long: &mut [f64]) {
+    let rows = block.law.rows();
+    for (i, entry) in long.iter_mut().skip(block.start).take(rows.min(3)).enumerate() {
+        *entry = local[i];
+    }
+}
+
+/// A mistake in a problem. Rows and blocks count from zero.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ProblemError {
+    /// More rows than the capacity stated at set-up.
+    #[error("{rows} rows do not fit the capacity of {capacity}; reserve more at set-up or keep the deepest contacts")]
+    CapacityExceeded {
+        /// Rows asked for.
+        rows: usize,
+        /// Rows there is room for.
+        capacity: usize,
+    },
+    /// `W` is not square, or not as long as `delta_free`.
+    #[error("W is {w_rows} x {w_columns} but delta_free has {rows} rows; they must agree")]
+    WrongSize {
+        /// Rows of `W`.
+        w_rows: usize,
+        /// Columns of `W`.
+        w_columns: usize,
+        /// Rows of `delta_free`.
+        rows: usize,
+    },
+    /// Blocks do not tile the rows.
+    #[error(
+        "block {block} (`{law}`) covers rows {start}..{end} where the next free row is {expected} of {rows}; \
+         blocks must follow one another without holes"
+    )]
+    WrongBlock {
+        /// The block.
+        block: usize,
+        /// Register name of its law.
+        law: &'static str,
+        /// Its first row.
+        start: usize,
+        /// One past its last row.
+        end: usize,
+        /// Where it should start.
+        expected: usize,
+        /// Rows of the problem.
+        rows: usize,
+    },
+    /// Rows without a block.
+    #[error("rows {first}..{rows} belong to no block; give each row a law")]
+    RowsWithoutLaw {
+        /// First row without a block.
+        first: usize,
+        /// Rows of the problem.
+        rows: usize,
+    },
+    /// A law's parameter is outside its range.
+    #[error("block {block} (rows from {row}): {source}")]
+    Law {
+        /// The block.
+        block: usize,
+        /// Its first row.
+        row: usize,
+        /// What is wrong.
+        source: LawError,
+    },
+    /// A gap is not a number.
+    #[error("delta_free[{row}] = {value} is not finite; look for the body whose state is not finite")]
+    NonFiniteGap {
+        /// The row.
+        row: usize,
+        /// The value.
+        value: f64,
+    },
+    /// A compliance is not a number.
+    #[error("W[{row}, {column}] = {value} is not finite; look for a singular system matrix")]
+    NonFiniteCompliance {
+        /// The row.
+        row: usize,
+        /// The column.
+        column: usize,
+        /// The value.
+        value: f64,
+    },
+    /// A row would move against its force.
+    #[error("W[{row}, {row}] = {value} m/N is negative: the system matrix is not positive definite")]
+    NegativeDiagonal {
+        /// The row.
+        row: usize,
+        /// The value.
+        value: f64,
+    },
+    /// `W` is not symmetric.
+    #[error(
+        "W[{row}, {column}] = {value} but W[{column}, {row}] = {transposed}: the asymmetry is {asymmetry:.1e}, \
+         more than {tolerance:.1e}; W = h^2 H A^-1 H^T is symmetric"
+    )]
+    NotSymmetric {
+        /// The row.
+        row: usize,
+        /// The column.
+        column: usize,
+        /// `W_ij`, m/N.
+        value: f64,
+        /// `W_ji`, m/N.
+        transposed: f64,
+        /// Their difference relative to `sqrt(W_ii W_jj)`.
+        asymmetry: f64,
+        /// What would have been accepted.
+        tolerance: f64,
+    },
+}
+
+/// A contact problem that owns its numbers and can be refilled without allocating.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ConstraintProblem {
+    compliance: Vec<f64>,
+    delta_free: Vec<f64>,
+    blocks: Vec<Block>,
+    capacity: usize,
+}
+
+impl ConstraintProblem {
+    /// From its parts; blocks follow in the order of `laws`.
+    ///
+    /// # Errors
+    /// Sizes that disagree. Values are checked by [`ConstraintProblem::validate`].
+    pub fn new(
+        compliance: DMatrix<f64>,
+        delta_free: DVector<f64>,
+        laws: impl IntoIterator<Item = Law>,
+    ) -> Result<Self, ProblemError> {
+        let rows = delta_free.len();
+        if compliance.nrows() != rows || compliance.ncols() != rows {
+            let (w_rows, w_columns) = compliance.shape();
+            return Err(ProblemError::WrongSize { w_rows, w_columns, rows });
+        }
+        let mut problem = Self {
+            compliance: compliance.data.into(),
+            delta_free: delta_free.data.into(),
+            blocks: Vec::new(),
+            capacity: rows,
+        };
+        for law in laws {
+            problem.push_block(law);
+        }
+        problem.check_blocks()?;
+        Ok(problem)
+    }
+
+    /// An empty problem with room for `rows` rows.
+    #[must_use]
+    pub fn with_capacity(rows: usize) -> Self {
+        Self {
+            compliance: Vec::with_capacity(rows * rows),
+            delta_free: Vec::with_capacity(rows),
+            blocks: Vec::with_capacity(rows),
+            capacity: rows,
+        }
+    }
+
+    /// Rows there is room for.
+    #[must_use]
+    pub fn capacity(&self) -> usize {
+        self.capacity
+    }
+
+    /// Empties the problem and sizes it to `rows` zero rows without blocks. Allocates nothing.
+    ///
+    /// # Errors
+    /// [`ProblemError::CapacityExceeded`] past the capacity; the problem is then empty.
+    pub fn reset(&mut self, rows: usize) -> Result<(), ProblemError> {
+        self.compliance.clear();
+        self.delta_free.clear();
+        self.blocks.clear();
+        if rows > self.capacity {
+            return Err(ProblemError::CapacityExceeded { rows, capacity: self.capacity });
+        }
+        self.compliance.resize(rows * rows, 0.0);
+        self.delta_free.resize(rows, 0.0);
+        Ok(())
+    }
+
+    /// Appends a block behind the last one. More blocks than rows are refused by [`ConstraintProblem::validate`].
+    pub fn push_block(&mut self, law: Law) {
+        let start = self.blocks.last().map_or(0, |last| last.start + last.law.rows());
+        self.blocks.push(Block { start, law });
+    }
+
+    /// Number of rows `m`.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.delta_free.len()
+    }
+
+    /// `W`, m/N.
+    #[must_use]
+    pub fn compliance(&self) -> DMatrixView<'_, f64> {
+        DMatrixView::from_slice_generic(&self.compliance, Dyn(self.rows()), Dyn(self.rows()))
+    }
+
+    /// `W`, m/N, to be filled.
+    pub fn compliance_mut(&mut self) -> DMatrixViewMut<'_, f64> {
+        let rows = self.rows();
+        DMatrixViewMut::from_slice_generic(&mut self.compliance, Dyn(rows), Dyn(rows))
+    }
+
+    /// Gaps without contact forces, m.
+    #[must_use]
+    pub fn delta_free(&self) -> &[f64] {
+        &self.delta_free
+    }
+
+    /// Gaps without contact forces, m, to be filled.
+    pub fn delta_free_mut(&mut self) -> &mut [f64] {
+        &mut self.delta_free
+    }
+
+    /// Blocks in the order of their rows.
+    #[must_use]
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// The problem as solvers read it.
+    #[must_use]
+    pub fn view(&self) -> ProblemView<'_> {
+        ProblemView {
+            compliance: &self.compliance,
+            stride: self.rows(),
+            delta_free: &self.delta_free,
+            blocks: &self.blocks,
+        }
+    }
+
+    /// Checks sizes, parameters and numbers, and symmetry to [`SYMMETRY_TOLERANCE`]. O(m²).
+    ///
+    /// # Errors
+    /// The first mistake, with its row.
+    pub fn validate(&self) -> Result<(), ProblemError> {
+        self.validate_symmetric_to(SYMMETRY_TOLERANCE)
+    }
+
+    /// [`ConstraintProblem::validate`] with another tolerance of symmetry; infinity for problems that need not be
+    /// symmetric.
+    ///
+    /// # Errors
+    /// The first mistake, with its row.
+    pub fn validate_symmetric_to(&self, tolerance: f64) -> Result<(), ProblemError> {
+        self.check_blocks()?;
+        for (index, block) in self.blocks.iter().enumerate() {
+            block.law.validate().map_err(|source| ProblemError::Law { block: index, row: block.start, source })?;
+        }
+        self.check_finite()?;
+        let w = self.compliance();
+        for column in 0..self.rows() {
+            let value = w[(column, column)];
+            // A problem that need not be symmetric need not be a compliance either.
+            if value < 0.0 && tolerance.is_finite() {
+                return Err(ProblemError::NegativeDiagonal { row: column, value });
+            }
+        }
+        for column in 0..self.rows() {
+            for row in 0..column {
+                let (value, transposed) = (w[(row, column)], w[(column, row)]);
+                let scale = (w[(row, row)] * w[(column, column)]).sqrt();
+                let asymmetry = (value - transposed).abs() / scale;
+                if asymmetry > tolerance {
+                    return Err(ProblemError::NotSymmetric { row, column, value, transposed, asymmetry, tolerance });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// All numbers are finite.
+    pub(crate) fn check_finite(&self) -> Result<(), ProblemError> {
+        if let Some((row, &value)) = self.delta_free.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+            return Err(ProblemError::NonFiniteGap { row, value });
+        }
+        if let Some((k, &value)) = self.compliance.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+            let rows = self.rows().max(1);
+            return Err(ProblemError::NonFiniteCompliance { row: k % rows, column: k / rows, value });
+        }
+        Ok(())
+    }
+
+    /// Blocks tile the rows.
+    pub(crate) fn check_blocks(&self) -> Result<(), ProblemError> {
+        let rows = self.rows();
+        let mut expected = 0;
+        for (index, block) in self.blocks.iter().enumerate() {
+            let end = block.start.saturating_add(block.law.rows());
+            if block.start != expected || end > rows || end == block.start {
+                let law = block.law.name();
+                return Err(ProblemError::WrongBlock { block: index, law, start: block.start, end, expected, rows });
+            }
+            expected = end;
+        }
+        if expected < rows {
+            return Err(ProblemError::RowsWithoutLaw { first: expected, rows });
+        }
+        Ok(())
+    }
+}

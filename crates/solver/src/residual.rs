@@ -1,1 +1,93 @@
 //! The natural-map residual, one for all solvers.
+//!
+//! Block by block, with `P` the projection onto the admissible forces and `delta'` the corrected gap of the law
+//! (`delta + mu |delta_t| n` for Coulomb),
+//!
+//! ```text
+//! r_a = ( lambda_a - P(lambda_a - rho_a delta'_a) ) / rho_a        m
+//! residual = sqrt(sum_a |r_a|^2) / scale                           dimensionless
+//! ```
+//!
+//! It is zero exactly at solutions, and takes no notice of how a solver came to `lambda` [Acary, Brémond and Huber 2018,
+//! natural map]. Two departures: `rho_a` is `1 / mean diagonal of W_aa` rather than 1, so that the number does not depend
+//! on units or on the stiffness of the bodies, and reads as the gap error that is left; and `scale` is `|delta_free|`
+//! over the blocks that need a force rather than over all, since contacts that are merely near would otherwise loosen
+//! the tolerance of those that touch. A residual of 1 means that about as much violation is left as there was.
+
+use crate::problem::{ProblemView, gather};
+use palpate_constraints::law::natural_stiffness;
+
+/// Smallest scale, relative to `|delta_free|` over all blocks: below it rounding in far rows would count as error.
+const SCALE_FLOOR: f64 = 1e-9;
+
+/// How far forces are from a solution.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Residual {
+    /// Residual relative to [`scale`].
+    pub relative: f64,
+    /// Block with the largest share.
+    pub worst_block: usize,
+    /// That block's share `|r_a|`, m.
+    pub worst_gap: f64,
+}
+
+/// Length (m) that the residual is relative to; `None` where no block needs a force, so that `lambda = 0` is a solution.
+#[must_use]
+pub fn scale(view: &ProblemView<'_>) -> Option<f64> {
+    let (mut violated, mut all) = (0.0, 0.0);
+    let mut solved = true;
+    for block in view.blocks {
+        let delta = gather(view.delta_free, block);
+        all += delta.norm_squared();
+        if !block.law.needs_no_force(&delta) {
+            violated += delta.norm_squared();
+            solved = false;
+        }
+    }
+    // A gap below 1e-154 m squares to zero; the smallest number then keeps the quotient defined.
+    (!solved).then(|| violated.sqrt().max(SCALE_FLOOR * f64::sqrt(all)).max(f64::MIN_POSITIVE))
+}
+
+/// Residual of forces whose gap is known: `delta = W lambda + delta_free` (m), `lambda` in N, `scale` from [`scale`].
+#[must_use]
+pub fn natural_map(view: &ProblemView<'_>, scale: f64, delta: &[f64], lambda: &[f64]) -> Residual {
+    let rho = |a: usize| view.blocks.get(a).map_or(1.0, |b| natural_stiffness(&view.diagonal_block(b), b.law.rows()));
+    natural_map_scaled(view, scale, rho, delta, lambda)
+}
+
+/// [`natural_map`] with the stiffness of each block (N/m) known.
+pub(crate) fn natural_map_scaled(
+    view: &ProblemView<'_>,
+    scale: f64,
+    rho: impl Fn(usize) -> f64,
+    delta: &[f64],
+    lambda: &[f64],
+) -> Residual {
+    let mut sum = 0.0;
+    let (mut worst_block, mut worst) = (0, 0.0);
+    for (a, block) in view.blocks.iter().enumerate() {
+        let rho = rho(a);
+        let r = block.law.natural_map(rho, &gather(delta, block), &gather(lambda, block)) / rho;
+        let share = r.norm_squared();
+        sum += share;
+        // A NaN share is the worst, and stays it.
+        if share > worst || share.is_nan() {
+            (worst_block, worst) = (a, share);
+        }
+    }
+    Residual { relative: sum.sqrt() / scale, worst_block, worst_gap: f64::sqrt(worst) }
+}
+
+/// Residual of forces from nothing but the problem: the judge of all solvers. `scratch` takes the gap (m rows).
+///
+/// Zero for a problem that needs no force, if `lambda` is zero.
+#[must_use]
+pub fn evaluate(view: &ProblemView<'_>, lambda: &[f64], scratch: &mut [f64]) -> Residual {
+    let nowhere = Residual { relative: f64::INFINITY, worst_block: 0, worst_gap: f64::INFINITY };
+    if !view.is_consistent() || lambda.len() != view.rows() || scratch.len() != view.rows() {
+        return nowhere;
+    }
+    view.gap(lambda, scratch);
+    let length = scale(view).unwrap_or_else(|| scratch.iter().map(|gap| gap * gap).sum::<f64>().sqrt());
+    natural_map(view, length.max(f64::MIN_POSITIVE), scratch, lambda)
+}

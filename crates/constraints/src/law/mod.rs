@@ -78,9 +78,11 @@ pub trait ContactLaw: Copy {
 
     /// Residual of the law (N): `lambda - P(lambda - rho * corrected_gap(delta))`, zero exactly on admissible pairs.
     ///
-    /// `rho > 0` in N/m turns a gap into a force. Dividing the result by `rho` gives a residual in metres.
+    /// `rho > 0` in N/m turns a gap into a force. Dividing the result by `rho` gives a residual in metres. NaN where an
+    /// argument is not finite.
     fn natural_map(&self, rho: f64, delta: &Vector3<f64>, lambda: &Vector3<f64>) -> Vector3<f64> {
-        lambda - self.project(&(lambda - self.corrected_gap(delta) * rho))
+        let shifted = lambda - self.corrected_gap(delta) * rho;
+        if is_finite(&shifted) { lambda - self.project(&shifted) } else { Vector3::repeat(f64::NAN) }
     }
 }
 

@@ -1,0 +1,150 @@
+//! Contact problems in files: our own format, and those of Siconos in [`siconos`].
+//!
+//! Ours is JSON, so that any language reads it: `format` (always `palpate-contact-problem`), `version` (1), `blocks`
+//! (`start` and `law` each), `delta_free` (m) and `compliance` (m/N, an array of columns). Numbers are written in the
+//! shortest form that reads back to the same bits. A problem that does not validate for its numbers' sake (negative
+//! diagonal, asymmetry) can be written and read, since such problems are what one wants to look at; numbers that are not
+//! finite cannot, since JSON has none.
+
+pub mod siconos;
+
+use crate::problem::{Block, ConstraintProblem, ProblemError};
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+
+const FORMAT: &str = "palpate-contact-problem";
+const VERSION: u32 = 1;
+
+/// Largest number of rows a file may ask for: 0.5 GB of compliance.
+pub const MAX_ROWS: usize = 8192;
+
+/// Why a problem file could not be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum ProblemFileError {
+    /// The file could not be opened, read or written.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The text is not JSON of the expected shape; the message names line and column.
+    #[error("not a contact problem: {0}")]
+    Json(#[from] serde_json::Error),
+    /// The file is JSON of another kind or of a later version.
+    #[error("expected `{FORMAT}` version {VERSION}, found `{format}` version {version}")]
+    Format {
+        /// What the file calls itself.
+        format: String,
+        /// Its version.
+        version: u32,
+    },
+    /// A line of a text format cannot be understood.
+    #[error("line {line}: expected {expected}, found {found}")]
+    Text {
+        /// Line, from one.
+        line: usize,
+        /// What should stand there.
+        expected: String,
+        /// What does.
+        found: String,
+    },
+    /// The file asks for more rows than [`MAX_ROWS`].
+    #[error("{rows} rows are more than the {MAX_ROWS} that are accepted")]
+    TooLarge {
+        /// Rows asked for.
+        rows: usize,
+    },
+    /// The numbers are not a contact problem.
+    #[error(transparent)]
+    Problem(#[from] ProblemError),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    format: String,
+    version: u32,
+    blocks: Vec<Block>,
+    delta_free: Vec<f64>,
+    compliance: Vec<Vec<f64>>,
+}
+
+#[derive(Serialize)]
+struct FileRef<'a> {
+    format: &'static str,
+    version: u32,
+    blocks: &'a [Block],
+    delta_free: &'a [f64],
+    compliance: Vec<&'a [f64]>,
+}
+
+/// Writes a problem in our format.
+///
+/// # Errors
+/// Blocks that do not tile the rows, numbers that are not finite, and what the writer reports.
+pub fn write(problem: &ConstraintProblem, writer: impl Write) -> Result<(), ProblemFileError> {
+    problem.check_blocks()?;
+    problem.check_finite()?;
+    let view = problem.view();
+    let file = FileRef {
+        format: FORMAT,
+        version: VERSION,
+        blocks: problem.blocks(),
+        delta_free: problem.delta_free(),
+        compliance: (0..problem.rows()).map(|j| view.column(j)).collect(),
+    };
+    Ok(serde_json::to_writer(writer, &file)?)
+}
+
+/// Reads a problem in our format. Its sizes agree; [`ConstraintProblem::validate`] checks its values.
+///
+/// # Errors
+/// Text that is not a problem, and sizes that disagree.
+pub fn read(reader: impl Read) -> Result<ConstraintProblem, ProblemFileError> {
+    let file: File = serde_json::from_reader(reader)?;
+    if file.format != FORMAT || file.version != VERSION {
+        return Err(ProblemFileError::Format { format: file.format, version: file.version });
+    }
+    let rows = file.delta_free.len();
+    let w_columns = file.compliance.len();
+    let wrong = file.compliance.iter().find(|column| column.len() != rows);
+    if let Some(w_rows) = wrong.map(Vec::len).or((w_columns != rows).then_some(rows)) {
+        return Err(ProblemError::WrongSize { w_rows, w_columns, rows }.into());
+    }
+    let compliance = DMatrix::from_vec(rows, rows, file.compliance.concat());
+    let problem =
+        ConstraintProblem::new(compliance, DVector::from_vec(file.delta_free), file.blocks.iter().map(|b| b.law))?;
+    // `new` places the blocks itself: they must be where the file says.
+    if let Some((block, (b, placed))) =
+        file.blocks.iter().zip(problem.blocks()).enumerate().find(|(_, (b, placed))| b.start != placed.start)
+    {
+        let end = b.start.saturating_add(b.law.rows());
+        let (law, expected) = (b.law.name(), placed.start);
+        return Err(ProblemError::WrongBlock { block, law, start: b.start, end, expected, rows }.into());
+    }
+    Ok(problem)
+}
+
+/// [`write`] to a file.
+///
+/// # Errors
+/// As [`write`], and the file.
+pub fn save(problem: &ConstraintProblem, path: &Path) -> Result<(), ProblemFileError> {
+    let io = |source| ProblemFileError::Io { path: path.to_path_buf(), source };
+    let mut writer = std::io::BufWriter::new(std::fs::File::create(path).map_err(io)?);
+    write(problem, &mut writer)?;
+    writer.flush().map_err(io)
+}
+
+/// [`read`] from a file.
+///
+/// # Errors
+/// As [`read`], and the file.
+pub fn load(path: &Path) -> Result<ConstraintProblem, ProblemFileError> {
+    let file = std::fs::File::open(path).map_err(|source| ProblemFileError::Io { path: path.to_path_buf(), source })?;
+    read(std::io::BufReader::new(file))
+}

@@ -1,0 +1,110 @@
+//! The register of solvers.
+
+use crate::gauss_seidel::{GaussSeidelConfig, GaussSeidelWorkspace};
+use crate::problem::ProblemView;
+use crate::report::{SolveReport, SolveStatus};
+use serde::{Deserialize, Serialize};
+
+/// What a solver must offer: its parameters are the implementing type, its memory is `Workspace`.
+pub trait ConstraintSolver: Copy + Default {
+    /// Name in scenes and on the command line.
+    const NAME: &'static str;
+    /// Memory of a run, sized once.
+    type Workspace;
+
+    /// Memory for problems of up to `rows` rows.
+    fn workspace(rows: usize) -> Self::Workspace;
+
+    /// Solves from the forces in `lambda` (N) and leaves the answer there: finite and admissible whatever the status.
+    /// Allocates nothing.
+    fn solve(&self, view: &ProblemView<'_>, lambda: &mut [f64], ws: &mut Self::Workspace) -> SolveReport;
+}
+
+macro_rules! solvers {
+    ($($(#[$doc:meta])* $variant:ident($config:ty, $workspace:ty)),+ $(,)?) => {
+        /// Any registered solver with its parameters. In text: `{ type = "gauss_seidel", tolerance = 1e-6 }`.
+        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(tag = "type", rename_all = "snake_case")]
+        pub enum Solver {
+            $($(#[$doc])* $variant($config),)+
+        }
+
+        /// Memory of any registered solver.
+        #[derive(Clone, Debug)]
+        pub enum SolverWorkspace {
+            $($(#[$doc])* $variant($workspace),)+
+        }
+
+        impl Solver {
+            /// Names of all registered solvers.
+            pub const NAMES: &'static [&'static str] = &[$(<$config>::NAME),+];
+
+            /// The solver of that name with default parameters.
+            #[must_use]
+            pub fn from_name(name: &str) -> Option<Self> {
+                $(if name == <$config>::NAME {
+                    return Some(Solver::$variant(<$config>::default()));
+                })+
+                None
+            }
+
+            /// Register name.
+            #[must_use]
+            pub fn name(&self) -> &'static str {
+                match self { $(Solver::$variant(_) => <$config>::NAME,)+ }
+            }
+
+            /// Memory for problems of up to `rows` rows.
+            #[must_use]
+            pub fn workspace(&self, rows: usize) -> SolverWorkspace {
+                match self {
+                    $(Solver::$variant(_) => SolverWorkspace::$variant(<$config>::workspace(rows)),)+
+                }
+            }
+
+            /// [`ConstraintSolver::solve`]; a workspace of another solver ends as [`SolveStatus::Invalid`].
+            pub fn solve(&self, view: &ProblemView<'_>, lambda: &mut [f64], ws: &mut SolverWorkspace) -> SolveReport {
+                match (self, ws) {
+                    $((Solver::$variant(config), SolverWorkspace::$variant(ws)) => config.solve(view, lambda, ws),)+
+                    #[allow(unreachable_patterns)] // reachable with the second solver
+                    _ => {
+                        lambda.fill(0.0);
+                        SolveReport::failed(SolveStatus::Invalid, 0)
+                    }
+                }
+            }
+        }
+    };
+}
+
+solvers! {
+    /// Block Gauss-Seidel.
+    GaussSeidel(GaussSeidelConfig, GaussSeidelWorkspace),
+}
+
+impl Default for Solver {
+    fn default() -> Self {
+        Solver::GaussSeidel(GaussSeidelConfig::default())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_finds_its_solver() {
+        for name in Solver::NAMES {
+            assert_eq!(Solver::from_name(name).map(|solver| solver.name()), Some(*name));
+        }
+        assert_eq!(Solver::from_name("gaussseidel"), None);
+    }
+
+    #[test]
+    fn text_form_takes_defaults_and_refuses_unknown_keys() {
+        let solver: Solver = serde_json::from_str(r#"{"type": "gauss_seidel", "tolerance": 1e-3}"#).unwrap();
+        let expected = GaussSeidelConfig { tolerance: 1e-3, ..GaussSeidelConfig::default() };
+        assert_eq!(solver, Solver::GaussSeidel(expected));
+        assert!(serde_json::from_str::<Solver>(r#"{"type": "gauss_seidel", "tolerence": 1e-3}"#).is_err());
+    }
+}
