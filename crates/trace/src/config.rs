@@ -20,7 +20,7 @@ pub struct Attachment {
 /// Description of a trace.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TraceConfig {
-    /// Unix time of the start of the run [ns]; 0 (default) in lockstep, so that equal runs give equal bytes.
+    /// Unix time of the start of the run (ns); 0 (default) in lockstep, so that equal runs give equal bytes.
     /// [`TraceConfig::real_time`] takes the clock's.
     pub start_unix_ns: u64,
     /// Entries of the metadata record `engine`: version, scene, scene hash, seed, host, rates. The writer adds
@@ -36,7 +36,7 @@ pub struct TraceConfig {
     pub pose_stride: u64,
     /// Every so many steps the geometry is written (default 2: 15 Hz). At least 1.
     pub geometry_stride: u64,
-    /// Data are handed to the system when the time of the records has gone on by this much [ns] (default 1 s): a run
+    /// Data are handed to the system when the time of the records has gone on by this much (ns) (default 1 s): a run
     /// that is killed loses no more.
     pub flush_period_ns: u64,
     /// Ticks that may wait for the trace thread (default 8192: eight seconds). At least 1.

@@ -37,7 +37,7 @@ pub enum TraceError {
         cause(source)
     )]
     Write {
-        /// Length of the part of the file that is whole [bytes].
+        /// Length of the part of the file that is whole (bytes).
         kept: u64,
         /// What failed.
         source: mcap::McapError,
@@ -58,7 +58,7 @@ pub enum TraceError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// The damage lies before this offset [bytes].
+        /// The damage lies before this offset (bytes).
         offset: u64,
         /// What was found.
         source: mcap::McapError,

@@ -7,7 +7,7 @@ use crate::error::TraceError;
 pub struct BodyGeometry {
     /// Name of the body; the id of its entity in viewers.
     pub name: String,
-    /// Rest position of each node [m].
+    /// Rest position of each node (m).
     pub rest_positions: Vec<[f64; 3]>,
     /// Triangles of the surface, by node of this body, counter-clockwise from outside.
     pub triangles: Vec<[u32; 3]>,
@@ -44,21 +44,21 @@ impl BodyGeometry {
 pub enum ToolShape {
     /// A sphere about the origin of the tool.
     Sphere {
-        /// Radius [m].
+        /// Radius (m).
         radius: f64,
     },
     /// All points within `radius` of the segment from `a` to `b`.
     Capsule {
-        /// One end of the segment [m].
+        /// One end of the segment (m).
         a: [f64; 3],
-        /// The other end [m].
+        /// The other end (m).
         b: [f64; 3],
-        /// Radius [m].
+        /// Radius (m).
         radius: f64,
     },
     /// A triangle mesh.
     Mesh {
-        /// Vertices [m].
+        /// Vertices (m).
         vertices: Vec<[f64; 3]>,
         /// Triangles by vertex, counter-clockwise from outside.
         triangles: Vec<[u32; 3]>,

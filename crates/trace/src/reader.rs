@@ -41,7 +41,7 @@ pub enum TraceEvent {
     Other {
         /// Its topic.
         topic: String,
-        /// Time since the start of the run [ns].
+        /// Time since the start of the run (ns).
         time_ns: u64,
     },
 }
@@ -154,7 +154,7 @@ impl<R: Read> Iterator for TraceReader<R> {
     }
 }
 
-/// Longest record that is believed [bytes]: a wrong length must not make us ask for all memory. Chunks of positions
+/// Longest record that is believed (bytes): a wrong length must not make us ask for all memory. Chunks of positions
 /// compress by far less than 16.
 fn length_limit(file: u64) -> usize {
     const SMALLEST: u64 = 16 << 20;

@@ -156,6 +156,16 @@ macro_rules! record {
             $( $(#[$field_meta])* pub $field: $kind, )*
         }
 
+        impl $Name {
+            /// Whether every field has the same bits, as a replay demands: NaN equals itself, -0.0 is not 0.0.
+            pub fn same_bits(&self, other: &Self) -> bool {
+                let (mut ours, mut theirs) = (Vec::new(), Vec::new());
+                $crate::record::Record::encode(self, &mut ours);
+                $crate::record::Record::encode(other, &mut theirs);
+                ours == theirs
+            }
+        }
+
         impl $crate::record::Record for $Name {
             const MESSAGE: $crate::schema::MessageDescription = $crate::schema::MessageDescription {
                 name: $message,
@@ -244,3 +254,64 @@ macro_rules! flags {
     };
 }
 pub(crate) use flags;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The numbers are the format: each belongs to one field, and those of the first version have no gap.
+    fn numbers_are_unique<R: Record>() {
+        let numbers: Vec<_> = R::MESSAGE.fields.iter().map(|field| field.number).collect();
+        let expected: Vec<_> = (1..=numbers.len() as u32).collect();
+        assert_eq!(numbers, expected, "{}", R::MESSAGE.name);
+    }
+
+    #[test]
+    fn each_field_has_its_own_number() {
+        numbers_are_unique::<TickRecord>();
+        numbers_are_unique::<StepRecord>();
+        numbers_are_unique::<FactorRecord>();
+    }
+
+    #[test]
+    fn channel_metadata_names_units_and_bits() {
+        let metadata = TickRecord::MESSAGE.channel_metadata();
+        assert_eq!(metadata["unit.force"], "N");
+        assert_eq!(metadata["flags.bit00"], "FORCE_LIMITED");
+        assert!(!metadata.contains_key("unit.contacts"));
+        for (bit, (name, flag)) in StepFlags::ALL.iter().enumerate() {
+            assert_eq!(flag.0, 1 << bit, "{name} is not bit {bit}, as the metadata of the channel says");
+        }
+        for (bit, (name, flag)) in TickFlags::ALL.iter().enumerate() {
+            assert_eq!(flag.0, 1 << bit, "{name} is not bit {bit}, as the metadata of the channel says");
+        }
+    }
+
+    #[test]
+    fn a_reader_passes_over_new_fields_and_defaults_missing_ones() {
+        let mut message = Vec::new();
+        put_uint(&mut message, 1, 7);
+        put_double(&mut message, 1000, 2.5);
+        put_bytes(&mut message, 1001, b"later");
+        let expected = TickRecord { tick: 7, ..TickRecord::default() };
+        assert_eq!(TickRecord::decode(&message), Ok(expected));
+    }
+
+    #[test]
+    fn a_field_of_another_type_is_named() {
+        let mut message = Vec::new();
+        put_double(&mut message, 13, 2.5);
+        let error = WireError::FieldType { message: "HapticSample", field: 13 };
+        assert_eq!(TickRecord::decode(&message), Err(error));
+        let mut large = Vec::new();
+        put_uint(&mut large, 13, 1 << 32);
+        assert_eq!(TickRecord::decode(&large), Err(error), "a count beyond 32 bits is not cut");
+    }
+
+    #[test]
+    fn same_bits_tells_zeros_apart_and_takes_nan_for_itself() {
+        let record = TickRecord { gap: f64::NAN, force: [-0.0; 3], ..TickRecord::default() };
+        assert!(record.same_bits(&record) && record != { record });
+        assert!(!record.same_bits(&TickRecord { force: [0.0; 3], ..record }));
+    }
+}

@@ -102,7 +102,7 @@ impl StepTrace {
     }
 
     /// Offers the positions of the nodes; call it once a step. Every `geometry_stride`-th offer is taken: `fill` then
-    /// gets the buffer to write, `x, y, z` [m] of each node in the order of `TraceConfig::bodies`; it holds older
+    /// gets the buffer to write, `x, y, z` (m) of each node in the order of `TraceConfig::bodies`; it holds older
     /// positions. `false` when the offer was due but no buffer was free, and was dropped and counted.
     ///
     /// The buffers were allocated at set-up and go round; none is allocated or freed here.

@@ -183,7 +183,7 @@ impl TissueMessages {
         Self { surface: SceneUpdate { deletions: Vec::new(), entities }, nodes, surface_nodes, rest_positions }
     }
 
-    /// Takes over the positions of all nodes [m], `x, y, z` of each; missing ones stay as they were.
+    /// Takes over the positions of all nodes (m), `x, y, z` of each; missing ones stay as they were.
     pub(crate) fn update(&mut self, positions: &[f64], unix_ns: u64) {
         let (positions, _) = positions.as_chunks::<3>();
         for (entity, nodes) in self.surface.entities.iter_mut().zip(&self.surface_nodes) {

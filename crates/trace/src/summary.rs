@@ -52,7 +52,7 @@ pub struct TraceStatus {
 pub struct TraceSummary {
     /// The file; empty for a sink that is none.
     pub path: PathBuf,
-    /// Its length [bytes].
+    /// Its length (bytes).
     pub bytes: u64,
     /// Messages in the file by topic; topics without a message are left out.
     pub messages: Vec<(Topic, u64)>,

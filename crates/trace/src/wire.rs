@@ -11,13 +11,13 @@ pub enum WireError {
     /// The message ends inside a field.
     #[error("the message ends inside the field that starts at byte {offset}")]
     Truncated {
-        /// Offset of the field within the message [bytes].
+        /// Offset of the field within the message (bytes).
         offset: usize,
     },
     /// A varint of more than 64 bits.
     #[error("the varint at byte {offset} has more than 64 bits")]
     Varint {
-        /// Offset of the varint within the message [bytes].
+        /// Offset of the varint within the message (bytes).
         offset: usize,
     },
     /// A wire type that proto3 does not have.

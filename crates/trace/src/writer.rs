@@ -18,13 +18,13 @@ use crate::scene_message::{TissueMessages, frame_transforms, log, tool_pose, too
 use crate::sink::{CountingSink, TraceSink};
 use crate::topic::Topic;
 
-/// Uncompressed size at which a chunk is closed [bytes].
+/// Uncompressed size at which a chunk is closed (bytes).
 const CHUNK_SIZE: u64 = 1 << 20;
 
 /// What a writer has put into its sink.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WriteReport {
-    /// Length of what is whole and readable [bytes].
+    /// Length of what is whole and readable (bytes).
     pub bytes: u64,
     /// Messages in it by topic; topics without a message are left out.
     pub messages: Vec<(Topic, u64)>,
@@ -166,7 +166,7 @@ impl<S: TraceSink> TraceWriter<S> {
         self.checked(written)
     }
 
-    /// Writes surface and nodes of all bodies from the positions of their nodes [m], `x, y, z` of each in the order
+    /// Writes surface and nodes of all bodies from the positions of their nodes (m), `x, y, z` of each in the order
     /// of [`TraceConfig::bodies`]. Without bodies it does nothing.
     ///
     /// # Errors

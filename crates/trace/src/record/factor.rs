@@ -43,13 +43,13 @@ record! {
     FactorRecord = "Factor" {
         /// Number of the factor, from 1; 0 means none.
         1 => epoch: u64, "";
-        /// Time since the start of the run when the factorisation ended [ns].
+        /// Time since the start of the run when the factorisation ended (ns).
         2 => time_ns: u64, "ns";
-        /// Time since the start of the run when its values were taken [ns].
+        /// Time since the start of the run when its values were taken (ns).
         3 => taken_ns: u64, "ns";
         /// Step that its values were taken from.
         4 => taken_step: u64, "";
-        /// Duration of the numeric factorisation [ns]; 0 in lockstep.
+        /// Duration of the numeric factorisation (ns); 0 in lockstep.
         5 => duration_ns: u64, "ns";
         /// How it ended.
         6 => status: FactorStatus, "";

@@ -68,7 +68,7 @@ impl<const N: usize> Text<N> {
 /// One line of the log.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct LogRecord {
-    /// Time since the start of the run [ns].
+    /// Time since the start of the run (ns).
     pub time_ns: u64,
     /// Severity.
     pub level: LogLevel,

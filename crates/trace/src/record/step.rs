@@ -29,25 +29,25 @@ record! {
     StepRecord = "Step" {
         /// Number of the step, from 0.
         1 => step: u64, "";
-        /// Time since the start of the run at the end of the step [ns].
+        /// Time since the start of the run at the end of the step (ns).
         2 => time_ns: u64, "ns";
-        /// Step size [s].
+        /// Step size (s).
         3 => dt: f64, "s";
-        /// Assembly of forces and matrix [ns].
+        /// Assembly of forces and matrix (ns).
         4 => assembly_ns: u64, "ns";
-        /// Free motion [ns].
+        /// Free motion (ns).
         5 => free_motion_ns: u64, "ns";
-        /// Detection [ns].
+        /// Detection (ns).
         6 => detection_ns: u64, "ns";
-        /// Rows and compliance [ns].
+        /// Rows and compliance (ns).
         7 => compliance_ns: u64, "ns";
-        /// Contact solver [ns].
+        /// Contact solver (ns).
         8 => solver_ns: u64, "ns";
-        /// Correction [ns].
+        /// Correction (ns).
         9 => correction_ns: u64, "ns";
-        /// Building and publishing the snapshot [ns].
+        /// Building and publishing the snapshot (ns).
         10 => snapshot_ns: u64, "ns";
-        /// The whole step [ns].
+        /// The whole step (ns).
         11 => total_ns: u64, "ns";
         /// Number of contacts.
         12 => contacts: u32, "";
@@ -57,19 +57,19 @@ record! {
         14 => cg_residual: f64, "";
         /// Sweeps of the contact solver.
         15 => solver_sweeps: u32, "";
-        /// Natural-map residual of the contact problem [m].
+        /// Natural-map residual of the contact problem (m).
         16 => solver_residual: f64, "m";
         /// Row with the largest residual; -1 when there is none.
         17 => worst_row: i32, "";
         /// Epoch of the factor in use.
         18 => factor_epoch: u64, "";
-        /// Age of its values [s].
+        /// Age of its values (s).
         19 => factor_age: f64, "s";
-        /// Contact force on the tool, world frame [N].
+        /// Contact force on the tool, world frame (N).
         20 => tool_force: [f64; 3], "N";
-        /// Contact torque on the tool about its origin, world frame [N m].
+        /// Contact torque on the tool about its origin, world frame (N m).
         21 => tool_torque: [f64; 3], "N m";
-        /// Change of the rendered force at the latest new snapshot [N].
+        /// Change of the rendered force at the latest new snapshot (N).
         22 => force_jump: f64, "N";
         /// Elements with negative volume.
         23 => inverted_elements: u32, "";
@@ -77,7 +77,7 @@ record! {
         24 => filtered_elements: u32, "";
         /// What the step met.
         25 => flags: StepFlags, "";
-        /// Position of the tool that the step used [m].
+        /// Position of the tool that the step used (m).
         26 => tool_position: [f64; 3], "m";
         /// Its orientation `[x, y, z, w]`.
         27 => tool_orientation: [f64; 4], "";

@@ -38,43 +38,43 @@ record! {
     TickRecord = "HapticSample" {
         /// Number of the tick, from 0.
         1 => tick: u64, "";
-        /// Time since the start of the run [ns]: monotonic clock, or virtual time in lockstep.
+        /// Time since the start of the run (ns): monotonic clock, or virtual time in lockstep.
         2 => time_ns: u64, "ns";
-        /// Position of the device [m].
+        /// Position of the device (m).
         3 => device_position: [f64; 3], "m";
         /// Orientation of the device.
         4 => device_orientation: [f64; 4], "";
-        /// Linear velocity of the device [m/s].
+        /// Linear velocity of the device (m/s).
         5 => device_velocity: [f64; 3], "m/s";
-        /// Angular velocity of the device [rad/s].
+        /// Angular velocity of the device (rad/s).
         6 => device_angular_velocity: [f64; 3], "rad/s";
-        /// Position of the tool [m].
+        /// Position of the tool (m).
         7 => tool_position: [f64; 3], "m";
         /// Orientation of the tool.
         8 => tool_orientation: [f64; 4], "";
-        /// Force sent to the device, after all limits [N].
+        /// Force sent to the device, after all limits (N).
         9 => force: [f64; 3], "N";
-        /// Torque sent to the device, after all limits [N m].
+        /// Torque sent to the device, after all limits (N m).
         10 => torque: [f64; 3], "N m";
-        /// Force before limits, fading and passivity control [N].
+        /// Force before limits, fading and passivity control (N).
         11 => force_unlimited: [f64; 3], "N";
-        /// Smallest gap between tool and tissue [m]; negative where they overlap, NaN when nothing is near.
+        /// Smallest gap between tool and tissue (m); negative where they overlap, NaN when nothing is near.
         12 => gap: f64, "m";
         /// Number of active contacts.
         13 => contacts: u32, "";
         /// Sweeps of the contact solver.
         14 => sweeps: u32, "";
-        /// Natural-map residual of the contact problem [m].
+        /// Natural-map residual of the contact problem (m).
         15 => residual: f64, "m";
         /// Step that the snapshot in use came from.
         16 => snapshot_step: u64, "";
-        /// Age of that snapshot [s].
+        /// Age of that snapshot (s).
         17 => snapshot_age: f64, "s";
         /// What the tick met.
         18 => flags: TickFlags, "";
-        /// Time between the planned and the real start of the tick [ns]; 0 in lockstep.
+        /// Time between the planned and the real start of the tick (ns); 0 in lockstep.
         19 => wake_latency_ns: u64, "ns";
-        /// Time the tick worked [ns]; 0 in lockstep.
+        /// Time the tick worked (ns); 0 in lockstep.
         20 => work_ns: u64, "ns";
     }
 }

@@ -117,7 +117,7 @@ pub(crate) fn push_step(k: u64, ticks: &mut TickTrace, steps: &mut StepTrace, fa
     if k % 3 == 2 {
         taken &= factors.push(factor(1 + k / 3));
     }
-    if k % 30 == 0 {
+    if k.is_multiple_of(30) {
         let line = LogRecord::new(record.time_ns, LogLevel::Info, "step", "the probe presses the tetrahedron, µ = 0.3");
         taken &= steps.log(line);
     }
