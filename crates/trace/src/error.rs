@@ -1,0 +1,86 @@
+//! Errors of set-up, of writing and of reading.
+
+use std::io;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::wire::WireError;
+
+/// What can go wrong with a trace.
+#[derive(Debug, Error)]
+pub enum TraceError {
+    /// The file could not be created.
+    #[error("cannot create the trace {}: {source}; name a writable file in an existing folder, or run without a trace", path.display())]
+    Create {
+        /// The file.
+        path: PathBuf,
+        /// What the system answered.
+        source: io::Error,
+    },
+    /// A value of the configuration makes no sense.
+    #[error("trace: {what} is {value}; {remedy}")]
+    Config {
+        /// The value's name.
+        what: String,
+        /// The value.
+        value: String,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// The system refused to start the thread.
+    #[error("cannot start the trace thread: {0}")]
+    Thread(io::Error),
+    /// Writing failed; the simulation goes on without a trace.
+    #[error(
+        "writing the trace failed after {kept} bytes: {}; these bytes are kept, later records are lost",
+        cause(source)
+    )]
+    Write {
+        /// Length of the part of the file that is whole (bytes).
+        kept: u64,
+        /// What failed.
+        source: mcap::McapError,
+    },
+    /// The trace thread panicked.
+    #[error("the trace thread ended early; the trace may be cut short")]
+    Panicked,
+    /// The file could not be opened or read.
+    #[error("cannot read the trace {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system answered.
+        source: io::Error,
+    },
+    /// The file is not a whole MCAP file.
+    #[error("{}: damaged within its first {offset} bytes: {}", path.display(), cause(source))]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// The damage lies before this offset (bytes).
+        offset: u64,
+        /// What was found.
+        source: mcap::McapError,
+    },
+    /// A message does not hold what its schema says.
+    #[error("{}: message {sequence} of {topic}: {source}", path.display())]
+    Message {
+        /// The file.
+        path: PathBuf,
+        /// Topic of the message.
+        topic: String,
+        /// Its number within the topic, from 0.
+        sequence: u32,
+        /// What was found.
+        source: WireError,
+    },
+}
+
+/// The system's own words where there are some: `McapError::Io` hides them behind a general sentence.
+fn cause(error: &mcap::McapError) -> String {
+    match error {
+        mcap::McapError::Io(source) => source.to_string(),
+        other => other.to_string(),
+    }
+}

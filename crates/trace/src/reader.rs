@@ -1,0 +1,301 @@
+//! From a trace back to its records.
+
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use mcap::McapError;
+use mcap::records::Record as McapRecord;
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+
+use crate::config::Attachment;
+use crate::error::TraceError;
+use crate::record::{FactorRecord, LogRecord, Record, StepRecord, TickRecord};
+use crate::wire::WireError;
+
+/// Bytes asked of the system at a time.
+const READ_SIZE: usize = 64 << 10;
+
+/// What a trace holds, in the order of the file: by time within a topic.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TraceEvent {
+    /// A tick.
+    Tick(Box<TickRecord>),
+    /// A step.
+    Step(Box<StepRecord>),
+    /// A factorisation.
+    Factor(FactorRecord),
+    /// A line of the log.
+    Log(Box<LogRecord>),
+    /// A metadata record.
+    Metadata {
+        /// Its name: `engine` or `dropped`.
+        name: String,
+        /// Its entries.
+        entries: BTreeMap<String, String>,
+    },
+    /// A file carried inside the trace.
+    Attachment(Attachment),
+    /// A message of another schema: geometry, poses, or a topic of somebody else.
+    Other {
+        /// Its topic.
+        topic: String,
+        /// Time since the start of the run (ns).
+        time_ns: u64,
+    },
+}
+
+/// Which record a channel carries, by its schema.
+#[derive(Clone, Copy)]
+enum Content {
+    Tick,
+    Step,
+    Factor,
+    Log,
+    Other,
+}
+
+struct ReadChannel {
+    topic: String,
+    content: Content,
+    messages: u32,
+}
+
+/// Reads a trace from start to end in bounded memory, checking every checksum. Ends after the first error.
+pub struct TraceReader<R = File> {
+    source: R,
+    mcap: LinearReader,
+    path: PathBuf,
+    /// Bytes read so far.
+    offset: u64,
+    schemas: HashMap<u16, String>,
+    channels: HashMap<u16, ReadChannel>,
+    start_unix_ns: u64,
+    ended: bool,
+}
+
+impl TraceReader {
+    /// Opens the file at `path`.
+    ///
+    /// # Errors
+    /// [`TraceError::Read`]
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, TraceError> {
+        let path = path.as_ref();
+        let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
+        let (length, file) = opened.map_err(|source| TraceError::Read { path: path.into(), source })?;
+        Ok(Self::new(file, length, path))
+    }
+}
+
+impl<R: Read> TraceReader<R> {
+    /// Reads from `source`, which holds `length` bytes; `path` is its name in errors.
+    pub fn new(source: R, length: u64, path: impl AsRef<Path>) -> Self {
+        let options = LinearReaderOptions::default()
+            .with_prevalidate_chunk_crcs(true)
+            .with_validate_data_section_crc(true)
+            .with_validate_summary_section_crc(true)
+            .with_check_finishes_after_end_magic(true)
+            .with_record_length_limit(length_limit(length));
+        Self {
+            source,
+            mcap: LinearReader::new_with_options(options),
+            path: path.as_ref().into(),
+            offset: 0,
+            schemas: HashMap::new(),
+            channels: HashMap::new(),
+            start_unix_ns: 0,
+            ended: false,
+        }
+    }
+
+    fn advance(&mut self) -> Result<Option<TraceEvent>, TraceError> {
+        loop {
+            let damaged = |source| TraceError::Damaged { path: self.path.clone(), offset: self.offset, source };
+            let wanted = match self.mcap.next_event() {
+                None => return Ok(None),
+                Some(Err(error)) => return Err(damaged(error)),
+                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => wanted.max(READ_SIZE),
+                Some(Ok(LinearReadEvent::Record { data, opcode })) => {
+                    let record = mcap::parse_record(opcode, data).map_err(damaged)?;
+                    let tables = &mut Tables {
+                        schemas: &mut self.schemas,
+                        channels: &mut self.channels,
+                        start_unix_ns: &mut self.start_unix_ns,
+                    };
+                    match event(record, tables) {
+                        Ok(Some(event)) => return Ok(Some(event)),
+                        Ok(None) => continue,
+                        Err(EventError::Mcap(source)) => return Err(damaged(source)),
+                        Err(EventError::Message { topic, sequence, source }) => {
+                            return Err(TraceError::Message { path: self.path.clone(), topic, sequence, source });
+                        }
+                    }
+                }
+            };
+            let read = self.source.read(self.mcap.insert(wanted));
+            let read = read.map_err(|source| TraceError::Read { path: self.path.clone(), source })?;
+            self.mcap.notify_read(read);
+            self.offset += read as u64;
+        }
+    }
+}
+
+impl<R: Read> Iterator for TraceReader<R> {
+    type Item = Result<TraceEvent, TraceError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.ended {
+            return None;
+        }
+        let event = self.advance().transpose();
+        self.ended = !matches!(event, Some(Ok(_)));
+        event
+    }
+}
+
+/// Longest record that is believed (bytes): a wrong length must not make us ask for all memory. Chunks of positions
+/// compress by far less than 16.
+fn length_limit(file: u64) -> usize {
+    const SMALLEST: u64 = 16 << 20;
+    const LARGEST: u64 = 1 << 30;
+    file.saturating_mul(16).clamp(SMALLEST, LARGEST) as usize
+}
+
+/// What the records of a file have told so far.
+struct Tables<'a> {
+    schemas: &'a mut HashMap<u16, String>,
+    channels: &'a mut HashMap<u16, ReadChannel>,
+    start_unix_ns: &'a mut u64,
+}
+
+enum EventError {
+    Mcap(McapError),
+    Message { topic: String, sequence: u32, source: WireError },
+}
+
+/// The event that a record is, or `None` for one that only serves reading.
+fn event(record: McapRecord<'_>, tables: &mut Tables<'_>) -> Result<Option<TraceEvent>, EventError> {
+    Ok(Some(match record {
+        McapRecord::Schema { header, .. } => {
+            tables.schemas.insert(header.id, header.name);
+            return Ok(None);
+        }
+        McapRecord::Channel(channel) => {
+            let content = content(tables.schemas.get(&channel.schema_id));
+            let new = ReadChannel { topic: channel.topic, content, messages: 0 };
+            // The summary repeats every channel; its count goes on.
+            tables.channels.entry(channel.id).or_insert(new);
+            return Ok(None);
+        }
+        McapRecord::Message { header, data } => {
+            let unknown = || EventError::Mcap(McapError::UnknownChannel(header.sequence, header.channel_id));
+            let channel = tables.channels.get_mut(&header.channel_id).ok_or_else(unknown)?;
+            let sequence = channel.messages;
+            channel.messages = channel.messages.wrapping_add(1);
+            let time_ns = header.log_time.saturating_sub(*tables.start_unix_ns);
+            let decoded = match channel.content {
+                Content::Tick => TickRecord::decode(&data).map(|record| TraceEvent::Tick(Box::new(record))),
+                Content::Step => StepRecord::decode(&data).map(|record| TraceEvent::Step(Box::new(record))),
+                Content::Factor => FactorRecord::decode(&data).map(TraceEvent::Factor),
+                Content::Log => LogRecord::decode(&data, time_ns).map(|record| TraceEvent::Log(Box::new(record))),
+                Content::Other => Ok(TraceEvent::Other { topic: channel.topic.clone(), time_ns }),
+            };
+            decoded.map_err(|source| EventError::Message { topic: channel.topic.clone(), sequence, source })?
+        }
+        McapRecord::Metadata(metadata) => {
+            let start = metadata.metadata.get("start_unix_ns").and_then(|text| text.parse().ok());
+            if let (Some(start), "engine") = (start, metadata.name.as_str()) {
+                *tables.start_unix_ns = start;
+            }
+            TraceEvent::Metadata { name: metadata.name, entries: metadata.metadata }
+        }
+        McapRecord::Attachment { header, data, .. } => TraceEvent::Attachment(Attachment {
+            name: header.name,
+            media_type: header.media_type,
+            data: data.into_owned(),
+        }),
+        _ => return Ok(None),
+    }))
+}
+
+fn content(schema: Option<&String>) -> Content {
+    match schema.and_then(|name| name.split_once('.')) {
+        Some(("palpate", name)) if name == TickRecord::MESSAGE.name => Content::Tick,
+        Some(("palpate", name)) if name == StepRecord::MESSAGE.name => Content::Step,
+        Some(("palpate", name)) if name == FactorRecord::MESSAGE.name => Content::Factor,
+        Some(("foxglove", "Log")) => Content::Log,
+        _ => Content::Other,
+    }
+}
+
+/// A whole trace in memory, without its geometry.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Trace {
+    /// Ticks in order.
+    pub ticks: Vec<TickRecord>,
+    /// Steps in order.
+    pub steps: Vec<StepRecord>,
+    /// Factorisations in order.
+    pub factors: Vec<FactorRecord>,
+    /// The log in order.
+    pub log: Vec<LogRecord>,
+    /// Metadata records by name.
+    pub metadata: BTreeMap<String, BTreeMap<String, String>>,
+    /// Files carried inside.
+    pub attachments: Vec<Attachment>,
+    /// Number of messages of other topics, by topic.
+    pub others: BTreeMap<String, u64>,
+}
+
+impl Trace {
+    /// Reads the file at `path`.
+    ///
+    /// # Errors
+    /// [`TraceError::Read`], [`TraceError::Damaged`] (also for a file that ends early), [`TraceError::Message`].
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, TraceError> {
+        match Self::recover(path)? {
+            (trace, None) => Ok(trace),
+            (_, Some(damage)) => Err(damage),
+        }
+    }
+
+    /// Reads what can be read: everything before the first damage, and the damage.
+    ///
+    /// # Errors
+    /// [`TraceError::Read`] when the file cannot be opened.
+    pub fn recover(path: impl AsRef<Path>) -> Result<(Self, Option<TraceError>), TraceError> {
+        Ok(Self::collect(TraceReader::open(path)?))
+    }
+
+    /// Gathers the events of a reader up to its end or its first error.
+    pub fn collect(events: impl IntoIterator<Item = Result<TraceEvent, TraceError>>) -> (Self, Option<TraceError>) {
+        let mut trace = Self::default();
+        for event in events {
+            match event {
+                Ok(event) => trace.push(event),
+                Err(damage) => return (trace, Some(damage)),
+            }
+        }
+        (trace, None)
+    }
+
+    fn push(&mut self, event: TraceEvent) {
+        match event {
+            TraceEvent::Tick(record) => self.ticks.push(*record),
+            TraceEvent::Step(record) => self.steps.push(*record),
+            TraceEvent::Factor(record) => self.factors.push(record),
+            TraceEvent::Log(record) => self.log.push(*record),
+            TraceEvent::Metadata { name, entries } => {
+                self.metadata.insert(name, entries);
+            }
+            TraceEvent::Attachment(attachment) => self.attachments.push(attachment),
+            TraceEvent::Other { topic, .. } => *self.others.entry(topic).or_default() += 1,
+        }
+    }
+
+    /// The attached file of that name.
+    pub fn attachment(&self, name: &str) -> Option<&[u8]> {
+        self.attachments.iter().find(|attachment| attachment.name == name).map(|attachment| &*attachment.data)
+    }
+}

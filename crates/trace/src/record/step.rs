@@ -1,0 +1,85 @@
+//! The report of one step.
+
+use super::{flags, record};
+
+flags! {
+    /// What a step met.
+    StepFlags {
+        /// The step ended after its deadline.
+        0 => OVERRUN;
+        /// Contacts beyond the capacity were left out, the deepest kept.
+        1 => CONTACTS_DROPPED;
+        /// Conjugate gradients spent their iterations before reaching their tolerance.
+        2 => FREE_MOTION_UNCONVERGED;
+        /// The contact solver spent its sweeps before reaching its tolerance.
+        3 => CONTACT_UNCONVERGED;
+        /// The factor is older than its bound.
+        4 => STALE_FACTOR;
+        /// A body turned non-finite and was rolled back to its last good state.
+        5 => ROLLED_BACK;
+        /// No factor was ready; another preconditioner stood in.
+        6 => NO_FACTOR;
+    }
+}
+
+record! {
+    /// One step of the simulation: what each stage cost and how wrong it is.
+    ///
+    /// Durations are wall time and 0 in lockstep, where they would spoil repeatability.
+    StepRecord = "Step" {
+        /// Number of the step, from 0.
+        1 => step: u64, "";
+        /// Time since the start of the run at the end of the step (ns).
+        2 => time_ns: u64, "ns";
+        /// Step size (s).
+        3 => dt: f64, "s";
+        /// Assembly of forces and matrix (ns).
+        4 => assembly_ns: u64, "ns";
+        /// Free motion (ns).
+        5 => free_motion_ns: u64, "ns";
+        /// Detection (ns).
+        6 => detection_ns: u64, "ns";
+        /// Rows and compliance (ns).
+        7 => compliance_ns: u64, "ns";
+        /// Contact solver (ns).
+        8 => solver_ns: u64, "ns";
+        /// Correction (ns).
+        9 => correction_ns: u64, "ns";
+        /// Building and publishing the snapshot (ns).
+        10 => snapshot_ns: u64, "ns";
+        /// The whole step (ns).
+        11 => total_ns: u64, "ns";
+        /// Number of contacts.
+        12 => contacts: u32, "";
+        /// Iterations of the preconditioned conjugate gradients.
+        13 => cg_iterations: u32, "";
+        /// Their relative residual.
+        14 => cg_residual: f64, "";
+        /// Sweeps of the contact solver.
+        15 => solver_sweeps: u32, "";
+        /// Natural-map residual of the contact problem (m).
+        16 => solver_residual: f64, "m";
+        /// Row with the largest residual; -1 when there is none.
+        17 => worst_row: i32, "";
+        /// Epoch of the factor in use.
+        18 => factor_epoch: u64, "";
+        /// Age of its values (s).
+        19 => factor_age: f64, "s";
+        /// Contact force on the tool, world frame (N).
+        20 => tool_force: [f64; 3], "N";
+        /// Contact torque on the tool about its origin, world frame (N m).
+        21 => tool_torque: [f64; 3], "N m";
+        /// Change of the rendered force at the latest new snapshot (N).
+        22 => force_jump: f64, "N";
+        /// Elements with negative volume.
+        23 => inverted_elements: u32, "";
+        /// Elements whose tangent was filtered to be definite.
+        24 => filtered_elements: u32, "";
+        /// What the step met.
+        25 => flags: StepFlags, "";
+        /// Position of the tool that the step used (m).
+        26 => tool_position: [f64; 3], "m";
+        /// Its orientation `[x, y, z, w]`.
+        27 => tool_orientation: [f64; 4], "";
+    }
+}

@@ -1,0 +1,80 @@
+//! The haptic sample: one per tick.
+
+use super::{flags, record};
+
+flags! {
+    /// What a tick met.
+    TickFlags {
+        /// The magnitude of the force was cut to the limit of device or scene.
+        0 => FORCE_LIMITED;
+        /// The change of the force since the last tick was cut.
+        1 => SLEW_LIMITED;
+        /// The force is being faded in or out.
+        2 => FADING;
+        /// The snapshot is older than its bound.
+        3 => STALE_SNAPSHOT;
+        /// A non-finite value was met and replaced by zero force.
+        4 => NON_FINITE;
+        /// The device did not answer.
+        5 => DEVICE_MISSING;
+        /// The tick ended after its deadline.
+        6 => OVERRUN;
+        /// Contacts beyond the capacity were left out.
+        7 => CONTACTS_DROPPED;
+        /// The contact solver spent its sweeps before reaching its tolerance.
+        8 => UNCONVERGED;
+        /// The passivity controller added damping.
+        9 => DISSIPATING;
+        /// The device left its workspace or went past its speed limit.
+        10 => DEVICE_LIMITED;
+    }
+}
+
+record! {
+    /// One tick of the 1 kHz side: what came from the device and what was sent to it.
+    ///
+    /// Positions and vectors are in the world frame; force and torque are those on the hand. Quaternions are
+    /// `[x, y, z, w]` with unit norm, rotating from the body's frame to the world's.
+    TickRecord = "HapticSample" {
+        /// Number of the tick, from 0.
+        1 => tick: u64, "";
+        /// Time since the start of the run (ns): monotonic clock, or virtual time in lockstep.
+        2 => time_ns: u64, "ns";
+        /// Position of the device (m).
+        3 => device_position: [f64; 3], "m";
+        /// Orientation of the device.
+        4 => device_orientation: [f64; 4], "";
+        /// Linear velocity of the device (m/s).
+        5 => device_velocity: [f64; 3], "m/s";
+        /// Angular velocity of the device (rad/s).
+        6 => device_angular_velocity: [f64; 3], "rad/s";
+        /// Position of the tool (m).
+        7 => tool_position: [f64; 3], "m";
+        /// Orientation of the tool.
+        8 => tool_orientation: [f64; 4], "";
+        /// Force sent to the device, after all limits (N).
+        9 => force: [f64; 3], "N";
+        /// Torque sent to the device, after all limits (N m).
+        10 => torque: [f64; 3], "N m";
+        /// Force before limits, fading and passivity control (N).
+        11 => force_unlimited: [f64; 3], "N";
+        /// Smallest gap between tool and tissue (m); negative where they overlap, NaN when nothing is near.
+        12 => gap: f64, "m";
+        /// Number of active contacts.
+        13 => contacts: u32, "";
+        /// Sweeps of the contact solver.
+        14 => sweeps: u32, "";
+        /// Natural-map residual of the contact problem (m).
+        15 => residual: f64, "m";
+        /// Step that the snapshot in use came from.
+        16 => snapshot_step: u64, "";
+        /// Age of that snapshot (s).
+        17 => snapshot_age: f64, "s";
+        /// What the tick met.
+        18 => flags: TickFlags, "";
+        /// Time between the planned and the real start of the tick (ns); 0 in lockstep.
+        19 => wake_latency_ns: u64, "ns";
+        /// Time the tick worked (ns); 0 in lockstep.
+        20 => work_ns: u64, "ns";
+    }
+}
