@@ -5,6 +5,7 @@
 
 pub mod assembly;
 pub mod block;
+pub mod closed_surface;
 pub mod element;
 pub mod factor;
 pub mod format;

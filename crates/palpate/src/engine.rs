@@ -41,12 +41,20 @@ impl<'w> Engine<'w> {
         let pose = world.first_pose();
         let (pose_writer, pose_reader) = latest(&pose);
         let (snapshot_writer, snapshot_reader) = latest(&HapticSnapshot::new(world.detection().max_contacts));
+        let device = crate::devices::device(world.description()).map_err(|e| RunError::Device(e.to_string()))?;
         let (step_line, tick_line, refresh_trace, trace) = TraceLines::open(world, options)?;
-        let ticker = Ticker::new(world, snapshot_reader, pose_writer, tick_line)?;
+        let ticker = Ticker::new(world, device, snapshot_reader, pose_writer, tick_line)?;
         let state = StepState::new(world, rest);
         let stage =
             StepStage { world, state, ws, port, snapshots: snapshot_writer, poses: pose_reader, line: step_line };
         Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes })
+    }
+
+    /// In lockstep, writes the records that wait for the trace.
+    pub(crate) fn drain(&mut self) {
+        if let Some(trace) = &mut self.trace {
+            trace.drain();
+        }
     }
 
     /// Ends the trace and sums the run up. `wall` is the time it took in real time [s].

@@ -100,7 +100,7 @@ fn refresh(
 ) {
     let rates = engine.world.description().rates;
     if clock.due.is_some_and(|due| time >= due - 1e-9) {
-        if let Some(report) = engine.refresh.refresh() {
+        if let Some(report) = engine.refresh.refresh(|| time) {
             gathering.refresh(&report);
             engine.refresh_trace.push(&report, false);
         }

@@ -25,6 +25,11 @@ impl Pacer {
         Self { start, period: 1.0 / rate, next: 0 }
     }
 
+    /// Time since the start [s].
+    pub(crate) fn time(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
+
     /// Sleeps until the next period begins; returns at once where it has begun already.
     pub(crate) fn wait(&mut self) -> Beat {
         let target = self.next as f64 * self.period;

@@ -138,7 +138,7 @@ fn refresh_loop(
             if end.load(Ordering::Acquire) {
                 return;
             }
-            match refresh.refresh() {
+            match refresh.refresh(|| pacer.time()) {
                 Some(report) => break report,
                 None => std::thread::sleep(Duration::from_millis(1)),
             }

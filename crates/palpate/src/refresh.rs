@@ -49,10 +49,19 @@ pub struct RefreshReport {
     pub step: u64,
     /// Time of that step [s].
     pub time: f64,
+    /// Time at which the factor was handed over [s].
+    pub handed_over: f64,
     /// Work [s].
     pub work: f64,
     /// Whether the matrix could be factored; if not, the last good factor stays in use.
     pub status: FactorStatus,
+}
+
+impl RefreshReport {
+    /// True where there is a new factor.
+    pub fn is_ok(&self) -> bool {
+        self.status == FactorStatus::Ok
+    }
 }
 
 /// The step's side: offers matrices when they are wanted, reads factors.
@@ -77,7 +86,7 @@ pub struct Refresh {
 pub fn refresh(symbolic: &Arc<SymbolicFactor>, first: &MatrixSample) -> Result<(RefreshPort, Refresh), FactorStatus> {
     let mut factor = Factor::new(Arc::clone(symbolic));
     let report = factor.refactor(&first.system);
-    if !report.status.is_ok() {
+    if report.status != FactorStatus::Ok {
         return Err(report.status);
     }
     let sample = FactorSample { epoch: 0, step: first.step, time: first.time, q: first.q.clone(), factor };
@@ -114,7 +123,8 @@ impl Refresh {
     }
 
     /// Factors the matrix that was asked for, if it has arrived, and hands the factor over if it is good.
-    pub fn refresh(&mut self) -> Option<RefreshReport> {
+    /// `now` answers the time [s] when it is done.
+    pub fn refresh(&mut self, now: impl FnOnce() -> f64) -> Option<RefreshReport> {
         if !self.matrices.refresh() {
             return None;
         }
@@ -123,13 +133,14 @@ impl Refresh {
         let epoch = self.epoch + 1;
         let slot = self.factors.value_mut();
         let status = slot.factor.refactor(&sample.system).status;
-        if status.is_ok() {
+        if status == FactorStatus::Ok {
             (slot.epoch, slot.step, slot.time) = (epoch, sample.step, sample.time);
             slot.q.copy_from_slice(&sample.q);
             self.factors.publish();
             self.epoch = epoch;
         }
         let work = start.elapsed().as_secs_f64();
-        Some(RefreshReport { epoch, step: sample.step, time: sample.time, work, status })
+        let handed_over = now();
+        Some(RefreshReport { epoch, step: sample.step, time: sample.time, handed_over, work, status })
     }
 }

@@ -1,7 +1,7 @@
 //! The state in which a run begins: at rest under gravity.
 
 use palpate_fem::assembly::assemble;
-use palpate_fem::factor::{Factor, SolveWorkspace};
+use palpate_fem::factor::{Factor, FactorStatus, SolveWorkspace};
 use palpate_fem::model::{FemModel, FemState, FemWorkspace};
 
 use crate::world::World;
@@ -24,14 +24,14 @@ const SETTLED: f64 = 1e-9;
 /// Without gravity, without fixed nodes (a free body only falls), or where the scene says so, it is the mesh itself.
 pub(crate) fn settle(world: &World) -> (FemState, bool) {
     let model = world.model();
-    let mut state = FemState::at_rest(model);
+    let mut state = model.rest_state();
     let body = &world.description().bodies[0];
     let heavy = world.description().gravity != [0.0; 3];
     if !body.settle || !heavy || model.free_nodes() == world.mesh().nodes.len() {
         return (state, true);
     }
-    let (low, high) = world.mesh().bounding_box();
-    let converged = iterate(model, world, &mut state, (high - low).norm());
+    let size = world.mesh().bounding_box().diagonal();
+    let converged = iterate(model, world, &mut state, size);
     (state, converged)
 }
 
@@ -43,7 +43,7 @@ fn iterate(model: &FemModel, world: &World, state: &mut FemState, size: f64) -> 
     for _ in 0..MOST_ITERATIONS {
         assemble(model, state, SETTLE_STEP, &[], &mut ws);
         dv.copy_from_slice(&ws.rhs);
-        if !factor.refactor(&ws.system).status.is_ok() || !factor.solve(&mut dv, &mut solve).is_ok() {
+        if factor.refactor(&ws.system).status != FactorStatus::Ok || !factor.solve(&mut dv, &mut solve).is_ok() {
             return false;
         }
         let largest = SETTLE_STEP * dv.chunks_exact(3).map(|d| d[0].hypot(d[1]).hypot(d[2])).fold(0.0, f64::max);

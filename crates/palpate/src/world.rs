@@ -1,19 +1,22 @@
 //! A scene made ready: mesh, body, symbolic factorisation, tool. Nothing in it changes while a run lasts.
 
 use std::fmt::Write as _;
+use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector3};
 use palpate_collision::broad_phase::SurfaceGeometry;
-use palpate_collision::detection::{DetectionConfig, DetectionWorkspace, detect};
 use palpate_collision::contact::ContactSet;
+use palpate_collision::detection::{DetectionConfig, DetectionWorkspace, detect};
 use palpate_collision::shape::ToolShape;
 use palpate_fem::block::{block, evenly};
+use palpate_fem::closed_surface::ClosedSurface;
 use palpate_fem::factor::SymbolicFactor;
+use palpate_fem::format;
 use palpate_fem::image::LabelImage;
-use palpate_fem::mesh::{MeshQuality, TetMesh};
-use palpate_fem::model::{FemConfig, FemModel, FemState};
-use palpate_fem::stuffing::{ClosedSurface, Stuffing, stuff_image, stuff_surface};
+use palpate_fem::mesh::{BoundingBox, MeshQuality, MeshWarning, TetMesh};
+use palpate_fem::model::{FemConfig, FemModel};
+use palpate_fem::stuffing::{Stuffing, StuffingReport, stuff_image, stuff_surface};
 use palpate_fem::surface::Surface;
 
 use crate::scene::{NodeSelection, Scene, SceneDescription, SceneError, SceneFile};
@@ -26,6 +29,7 @@ pub struct World {
     surface: Surface,
     model: FemModel,
     symbolic: Arc<SymbolicFactor>,
+    geometry: SurfaceGeometry,
     detection: DetectionConfig,
     warnings: Vec<String>,
 }
@@ -66,6 +70,11 @@ impl World {
         &self.symbolic
     }
 
+    /// The boundary as detection sees it, at rest.
+    pub fn geometry(&self) -> &SurfaceGeometry {
+        &self.geometry
+    }
+
     /// The shape of the tool.
     pub fn tool(&self) -> &ToolShape {
         &self.description().tools[0].shape
@@ -102,13 +111,13 @@ impl World {
             self.mesh.nodes.len(),
             self.mesh.tetrahedra.len(),
             q.volume * 1e6,
-            self.model.total_mass(),
+            self.model.mass().iter().sum::<f64>(),
         );
         for (k, name) in self.mesh.region_names.iter().enumerate() {
             let count = self.mesh.regions.iter().filter(|&&r| usize::from(r) == k).count();
             let _ = writeln!(text, "  region {name}: {count} tetrahedra, {}", material_of(body, name));
         }
-        let _ = writeln!(text, "  smallest dihedral angle {:.1}°", q.min_dihedral.to_degrees());
+        let _ = writeln!(text, "  dihedral angles {:.1}° to {:.1}°", q.dihedral[0], q.dihedral[2]);
         let _ = writeln!(text, "tool {}: {:?}", d.tools[0].name, d.tools[0].shape);
         let c = &d.contact;
         let _ = writeln!(
@@ -151,8 +160,9 @@ pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
     let description = scene.description();
     let body = &description.bodies[0];
     let (mesh, mut warnings) = load(scene)?;
-    let (quality, found) = mesh.validate()?;
-    warnings.extend(found.iter().map(ToString::to_string));
+    let quality = mesh.validate()?;
+    warnings.extend(quality.warnings().iter().map(ToString::to_string));
+    warnings.dedup();
     let surface = mesh.surface();
     let fixed = fixed_nodes(scene, &mesh)?;
     for name in body.regions.keys() {
@@ -164,7 +174,7 @@ pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
     }
     let config = FemConfig {
         material: body.material,
-        regions: body.regions.clone(),
+        region_materials: body.regions.clone(),
         density: body.density,
         total_mass: body.total_mass,
         rayleigh_mass: body.rayleigh_mass,
@@ -183,12 +193,16 @@ pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
     let detection = DetectionConfig {
         kind: contact.at,
         margin: contact.margin,
+        reach: contact.reach,
         merge_distance: contact.merge_distance,
         max_contacts: contact.max_contacts,
         ..DetectionConfig::default()
     };
+    detection.validate().map_err(|e| scene.at("contact", e.to_string(), "correct the value"))?;
+    let geometry = SurfaceGeometry::new(surface.triangles.clone(), &mesh.nodes)
+        .map_err(|e| scene.at("body.0", e.to_string(), "use a mesh with a closed boundary"))?;
     let world =
-        World { scene: scene.clone(), mesh, quality, surface, model, symbolic: Arc::new(symbolic), detection, warnings };
+        World { scene: scene.clone(), mesh, quality, surface, model, symbolic: Arc::new(symbolic), geometry, detection, warnings };
     tool_outside(&world)?;
     Ok(world)
 }
@@ -200,11 +214,15 @@ fn load(scene: &Scene) -> Result<(TetMesh, Vec<String>), SceneError> {
         let SceneFile::Path(path) = scene.file(name) else {
             return Err(scene.at("body.0.mesh", format!("`{name}` is not a mesh"), "name it as `image`, with a `cell`"));
         };
-        return Ok((TetMesh::load(&path)?.scaled(body.scale), Vec::new()));
+        let file = format::read(&path)?;
+        let scaled = body.scale != 1.0;
+        let said = file.warnings.iter().filter(|w| !(scaled && matches!(w, MeshWarning::Units { .. })));
+        let warnings = said.map(ToString::to_string).collect();
+        return Ok((file.mesh.scaled(body.scale)?, warnings));
     }
     if let Some(b) = &body.block {
         let axis = |c: usize| evenly(b.min[c], b.max[c], b.cells[c]);
-        return Ok((block(&axis(0), &axis(1), &axis(2)).scaled(body.scale), Vec::new()));
+        return Ok((block(&axis(0), &axis(1), &axis(2)).scaled(body.scale)?, Vec::new()));
     }
     let (Some(name), Some(cell)) = (&body.image, body.cell) else {
         return Err(scene.at("body.0", "the body has no geometry", "add `mesh` or `image` with `cell`"));
@@ -212,12 +230,29 @@ fn load(scene: &Scene) -> Result<(TetMesh, Vec<String>), SceneError> {
     let stuffing = Stuffing { cell, ..Stuffing::default() };
     let (mesh, report) = match scene.file(name) {
         SceneFile::Embedded(bytes) => stuff_image(&LabelImage::from_inrimage_bytes(bytes)?, &stuffing)?,
-        SceneFile::Path(path) if ClosedSurface::recognises(&path) => {
-            stuff_surface(&ClosedSurface::load(&path)?.scaled(body.scale), &stuffing)?
-        }
-        SceneFile::Path(path) => stuff_image(&LabelImage::load(&path)?, &stuffing)?,
+        SceneFile::Path(path) => make(&path, body.scale, &stuffing)?,
     };
-    Ok((mesh, report.warnings().map(|w| w.to_string()).collect()))
+    let mut warnings = Vec::new();
+    if report.dropped_bodies > 0 {
+        let cubic_centimetres = 1e6 * report.dropped_volume;
+        warnings.push(format!("{} smaller parts of {cubic_centimetres:.2} cm³ were left out", report.dropped_bodies));
+    }
+    let lost = report.regions.iter().filter(|r| r.tetrahedra == 0);
+    warnings.extend(lost.map(|r| format!("the cells are too large for region {}: it has no tetrahedron", r.name)));
+    Ok((mesh, warnings))
+}
+
+/// Makes tetrahedra from a closed surface (STL, OBJ, PLY: in units of `scale` metres) or a label image.
+///
+/// # Errors
+/// A file that cannot be read, a surface that is not closed, a cell that does not suit.
+pub fn make(path: &Path, scale: f64, stuffing: &Stuffing) -> Result<(TetMesh, StuffingReport), SceneError> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    Ok(if matches!(extension.as_str(), "stl" | "obj" | "ply") {
+        stuff_surface(&ClosedSurface::from_path(path, scale)?, stuffing)?
+    } else {
+        stuff_image(&LabelImage::from_path(path)?, stuffing)?
+    })
 }
 
 /// The nodes that the scene fixes.
@@ -258,7 +293,7 @@ fn fixed_nodes(scene: &Scene, mesh: &TetMesh) -> Result<Vec<u32>, SceneError> {
             }
         }
         if count == 0 {
-            let (low, high) = mesh.bounding_box();
+            let BoundingBox { min: low, max: high } = mesh.bounding_box();
             let message = "this selection holds no node";
             let remedy = format!("the body spans x {:.4}..{:.4}, y {:.4}..{:.4}, z {:.4}..{:.4} m", low.x, high.x, low.y, high.y, low.z, high.z);
             return Err(scene.at(&place, message, remedy));
@@ -272,13 +307,10 @@ fn fixed_nodes(scene: &Scene, mesh: &TetMesh) -> Result<Vec<u32>, SceneError> {
 
 /// Refuses a tool that begins inside the body: there is no skin that it came through.
 fn tool_outside(world: &World) -> Result<(), SceneError> {
-    let mut geometry = SurfaceGeometry::new(&world.surface.triangles, world.mesh.nodes.len());
-    geometry.refit(&world.mesh.nodes);
-    let mut ws = DetectionWorkspace::new(&geometry, &world.detection);
+    let mut ws = DetectionWorkspace::new(&world.geometry);
     let mut contacts = ContactSet::with_capacity(world.detection.max_contacts);
     let pose = world.first_pose();
-    let state = FemState::at_rest(&world.model);
-    let report = detect(&geometry, &state.q, world.tool(), &pose, &world.detection, &mut ws, &mut contacts);
+    let report = detect(&world.geometry, &world.mesh.nodes, world.tool(), &pose, &world.detection, &mut ws, &mut contacts);
     if report.tool_inside {
         let p = pose.translation.vector;
         let message = format!("the tool begins inside the body, at {:.4}, {:.4}, {:.4} m", p.x, p.y, p.z);

@@ -150,8 +150,8 @@ fn contact(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     }
     positive(source, "solver.tolerance", scene.solver.tolerance, "")?;
     positive(source, "solver.tick_tolerance", scene.solver.tick_tolerance, "")?;
-    at_least_one(source, "solver.max_sweeps", scene.solver.max_sweeps)?;
-    at_least_one(source, "solver.tick_sweeps", scene.solver.tick_sweeps)
+    at_least_one(source, "solver.max_sweeps", scene.solver.max_sweeps as usize)?;
+    at_least_one(source, "solver.tick_sweeps", scene.solver.tick_sweeps as usize)
 }
 
 fn device(scene: &SceneDescription, source: &Source<'_>) -> Checked {

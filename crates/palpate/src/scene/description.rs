@@ -247,6 +247,8 @@ pub struct ContactDescription {
     pub at: ContactKind,
     /// Gap [m] below which a feature becomes a (possibly inactive) contact.
     pub margin: f64,
+    /// How far [m] the whole tool may lie below the skin and still be pushed out.
+    pub reach: f64,
     /// Face contacts closer than this [m] are merged.
     pub merge_distance: f64,
     /// Largest number of contacts; the deepest are kept.
@@ -255,7 +257,7 @@ pub struct ContactDescription {
 
 impl Default for ContactDescription {
     fn default() -> Self {
-        Self { friction: 0.0, at: ContactKind::Nodes, margin: 0.004, merge_distance: 0.001, max_contacts: 48 }
+        Self { friction: 0.0, at: ContactKind::Nodes, margin: 0.004, reach: 0.02, merge_distance: 0.001, max_contacts: 48 }
     }
 }
 
@@ -266,11 +268,11 @@ pub struct SolverDescription {
     /// Relative natural-map residual at step rate.
     pub tolerance: f64,
     /// Largest number of Gauss-Seidel sweeps at step rate.
-    pub max_sweeps: usize,
+    pub max_sweeps: u32,
     /// Relative natural-map residual of a tick.
     pub tick_tolerance: f64,
     /// Largest number of Gauss-Seidel sweeps in one tick.
-    pub tick_sweeps: usize,
+    pub tick_sweeps: u32,
 }
 
 impl Default for SolverDescription {

@@ -46,6 +46,9 @@ pub enum SceneError {
     /// The label image cannot be used.
     #[error(transparent)]
     Image(#[from] palpate_fem::image::ImageError),
+    /// The closed surface cannot be used.
+    #[error(transparent)]
+    Surface(#[from] palpate_fem::closed_surface::SurfaceError),
     /// Tetrahedra cannot be made from the image or surface.
     #[error(transparent)]
     Stuffing(#[from] palpate_fem::stuffing::StuffingError),

@@ -5,7 +5,7 @@ use palpate_collision::detection::detect;
 use palpate_constraints::compliance::{ComplianceMethod, rotate_rows};
 use palpate_constraints::law::{Coulomb, Law, Signorini};
 use palpate_constraints::rows::{RowInput, ToolMotion, build_rows};
-use palpate_fem::factor::{Factor, ReachStatus};
+use palpate_fem::factor::{Factor, FactorStatus, ReachStatus};
 use palpate_fem::pcg::{PcgConfig, pcg};
 use palpate_fem::preconditioner::{WarpedPreconditioner, rotate};
 use palpate_fem::rotation::nodal_rotations;
@@ -101,7 +101,7 @@ pub(super) fn compliance(world: &World, factor: &FactorSample, ws: &mut StepWork
     let rotations = &ws.rotations;
     let inverse = match &mut ws.exact {
         Some(exact) => {
-            report.refused = !exact.refactor(&ws.fem.system).status.is_ok();
+            report.refused = exact.refactor(&ws.fem.system).status != FactorStatus::Ok;
             &*exact
         }
         None => {
