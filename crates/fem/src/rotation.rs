@@ -149,7 +149,8 @@ pub fn polar_rotation(F: &Matrix3<f64>) -> Matrix3<f64> {
     let size = F.norm_squared();
     let det = F.determinant();
     // Below this ratio (1 for F with equal singular values) Newton's iteration loses digits, and SVD takes over.
-    if !(det > 0.02 * (size / 3.0) * (size / 3.0).sqrt()) {
+    let regular = det > 0.02 * (size / 3.0) * (size / 3.0).sqrt();
+    if !regular {
         let svd = signed_svd(F);
         return svd.U * svd.V.transpose();
     }
@@ -179,7 +180,7 @@ pub fn cofactor(F: &Matrix3<f64>) -> Matrix3<f64> {
 ///
 /// For each element the rotation of the relative deformation `F_to F_from⁻¹`; at each node their mean, weighted by rest
 /// volume, projected back to a rotation [Saupin, Duriez, Cotin, Grisoni 2008]. An element that is flat in `q_from`, or
-/// not finite, adds the identity. Lengths: `q_from`, `q_to` one position per node [m]; `rotations` one matrix per free
+/// not finite, adds the identity. Lengths: `q_from`, `q_to` one position per node (m); `rotations` one matrix per free
 /// node. Runs on one thread, allocates nothing; elements are added in mesh order.
 pub fn nodal_rotations(
     model: &FemModel,
@@ -206,6 +207,6 @@ fn relative_rotation(from: &Matrix3<f64>, to: &Matrix3<f64>) -> Matrix3<f64> {
     let det = from.determinant();
     // `from⁻¹ = cofᵀ / det`; the sign of det is kept and its size drops out of the polar decomposition.
     let relative = to * cofactor(from).transpose() * det.signum();
-    let flat = !(det.abs() > 1e-12 * from.norm().powi(3));
-    if flat || !relative.iter().all(|x| x.is_finite()) { Matrix3::identity() } else { polar_rotation(&relative) }
+    let regular = det.abs() > 1e-12 * from.norm().powi(3) && relative.iter().all(|x| x.is_finite());
+    if regular { polar_rotation(&relative) } else { Matrix3::identity() }
 }

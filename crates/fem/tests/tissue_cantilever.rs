@@ -1,4 +1,5 @@
 //! A cantilever under its own weight against Timoshenko's beam, with the convergence of linear tetrahedra.
+#![allow(clippy::print_stdout)]
 
 mod tissue_setup;
 

@@ -77,3 +77,14 @@ fn mistakes_of_the_mesh_are_refused() {
     let error = refused(|m, _| m.regions[7] = 2);
     assert_eq!(error, FemError::RegionOutOfRange { tetrahedron: 7, region: 2, names: 2 });
 }
+
+#[test]
+fn documented_defaults_hold() {
+    let config = FemConfig::default();
+    assert_eq!(config.material, NeoHookean { young: 5e3, poisson: 0.45 }.into());
+    assert_eq!((config.density, config.total_mass), (1060.0, None));
+    assert_eq!((config.rayleigh_mass, config.rayleigh_stiffness), (0.0, 0.0));
+    assert_eq!(config.gravity, Vector3::new(0.0, 0.0, -9.81));
+    assert!(config.fixed.is_empty() && config.region_materials.is_empty() && config.region_densities.is_empty());
+    assert!(config.filter);
+}

@@ -1,4 +1,5 @@
 //! Static solutions of an independent finite-element code (FElupe 11.3) on the same mesh with the same element and law.
+#![allow(clippy::print_stdout)]
 
 mod tissue_setup;
 
