@@ -45,7 +45,7 @@ fn main() {
                         let mut state = model.rest_state();
                         // Bent, so that half of the body is compressed.
                         for q in &mut state.q {
-                            *q += Vector3::new(2.0 * q.z * q.z, 0.0, -1.0 * q.x * q.z);
+                            *q += Vector3::new(2.0 * q.z * q.z, 0.0, -q.x * q.z);
                         }
                         let mut ws = FemWorkspace::new(&model);
                         let report = assemble(&model, &state, 1.0 / 30.0, &[], &mut ws);

@@ -14,14 +14,14 @@ use nalgebra::{Matrix3, Vector3};
 pub struct Tetrahedron {
     /// Mesh nodes.
     pub nodes: [u32; 4],
-    /// `E⁻¹` [1/m]; its rows are `D_1, D_2, D_3`.
+    /// `E⁻¹` (1/m); its rows are `D_1, D_2, D_3`.
     pub inverse_rest_edges: Matrix3<f64>,
-    /// Rest volume `V0` [m³], positive.
+    /// Rest volume `V0` (m³), positive.
     pub volume: f64,
 }
 
 impl Tetrahedron {
-    /// The element over rest positions `q_rest` [m]; `None` where its volume is not positive (or not finite).
+    /// The element over rest positions `q_rest` (m); `None` where its volume is not positive (or not finite).
     pub fn new(nodes: [u32; 4], q_rest: &[Vector3<f64>]) -> Option<Self> {
         let mut element = Self { nodes, inverse_rest_edges: Matrix3::zeros(), volume: 0.0 };
         let E = element.edges(q_rest);
@@ -30,7 +30,7 @@ impl Tetrahedron {
         (element.volume > 0.0 && element.inverse_rest_edges.iter().all(|x| x.is_finite())).then_some(element)
     }
 
-    /// Edges `[q1-q0, q2-q0, q3-q0]` as columns [m].
+    /// Edges `[q1-q0, q2-q0, q3-q0]` as columns (m).
     #[inline]
     pub fn edges(&self, q: &[Vector3<f64>]) -> Matrix3<f64> {
         let [a, b, c, d] = self.nodes.map(|i| q[i as usize]);
@@ -43,7 +43,7 @@ impl Tetrahedron {
         self.edges(q) * self.inverse_rest_edges
     }
 
-    /// Forces of nodes 1, 2, 3 as columns [N]: `f_i = -V0 P D_i` for the first Piola stress `P` [Pa].
+    /// Forces of nodes 1, 2, 3 as columns (N): `f_i = -V0 P D_i` for the first Piola stress `P` (Pa).
     #[inline]
     pub fn forces(&self, P: &Matrix3<f64>) -> Matrix3<f64> {
         P * self.inverse_rest_edges.transpose() * -self.volume
@@ -53,9 +53,9 @@ impl Tetrahedron {
 /// Forces and stiffness blocks of the nodes 1, 2, 3 of an element; those of node 0 follow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ElementMatrices {
-    /// Internal forces of nodes 1, 2, 3 as columns [N].
+    /// Internal forces of nodes 1, 2, 3 as columns (N).
     pub forces: Matrix3<f64>,
-    /// Blocks `K_11, K_12, K_13, K_22, K_23, K_33` of `K = -∂f/∂q` [N/m].
+    /// Blocks `K_11, K_12, K_13, K_22, K_23, K_33` of `K = -∂f/∂q` (N/m).
     pub blocks: [Matrix3<f64>; 6],
 }
 
@@ -66,7 +66,7 @@ impl ElementMatrices {
         blocks: [Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0); 6],
     };
 
-    /// Force of local node `a` (0 to 3) [N].
+    /// Force of local node `a` (0 to 3) (N).
     #[inline]
     pub fn force(&self, a: usize) -> Vector3<f64> {
         match a {
@@ -75,7 +75,7 @@ impl ElementMatrices {
         }
     }
 
-    /// Upper block number `k` in the order of [`UPPER`] [N/m].
+    /// Upper block number `k` in the order of [`UPPER`] (N/m).
     #[inline]
     pub fn upper(&self, k: usize) -> Matrix3<f64> {
         let [k11, k12, k13, k22, k23, k33] = &self.blocks;

@@ -26,11 +26,14 @@ const SWEEPS: usize = 12;
 /// Columns count as orthogonal at this cosine: a few units of rounding.
 const ORTHOGONAL: f64 = 4.0 * f64::EPSILON;
 
-/// Signed singular value decomposition of any 3 x 3 matrix, by one-sided Jacobi rotations.
+/// Share of the largest singular value below which others count as zero: squares of smaller ones vanish.
+const NEGLIGIBLE: f64 = 1e-150;
+
+/// Signed singular value decomposition of any 3 x 3 matrix, by Jacobi rotations: of `FᵀF`, which is cheap, and then of
+/// the columns of `F V`, which corrects what squaring lost.
 ///
 /// Never fails: a zero matrix gives `U = V = I`; a flat or linear one is completed to proper rotations. Entries that
-/// are not finite give `U = V = I` and `sigma = NaN`. One-sided rotations keep small singular values accurate, which
-/// the eigenvalues of `FᵀF` would not.
+/// are not finite give `U = V = I` and `sigma = NaN`. The last stage keeps small singular values accurate.
 pub fn signed_svd(F: &Matrix3<f64>) -> SignedSvd {
     let scale = F.amax();
     if !F.iter().all(|x| x.is_finite()) {
@@ -42,8 +45,9 @@ pub fn signed_svd(F: &Matrix3<f64>) -> SignedSvd {
     }
     // Squares of squares of the entries must neither overflow nor vanish.
     let unit = if (1e-60..1e60).contains(&scale) { 1.0 } else { scale };
-    let mut b = [F.column(0) / unit, F.column(1) / unit, F.column(2) / unit];
-    let mut v: [Vector3<f64>; 3] = [Vector3::x(), Vector3::y(), Vector3::z()];
+    let F = F / unit;
+    let mut v = eigenvectors(&(F.transpose() * F));
+    let mut b = v.map(|v| F * v);
     for _ in 0..SWEEPS {
         let rotated = rotate(&mut b, &mut v, 0, 1) | rotate(&mut b, &mut v, 0, 2) | rotate(&mut b, &mut v, 1, 2);
         if !rotated {
@@ -64,10 +68,52 @@ pub fn signed_svd(F: &Matrix3<f64>) -> SignedSvd {
     // Gram-Schmidt: the second column may be rounding noise where F has rank one.
     let b1 = b[1] - u0 * u0.dot(&b[1]);
     let norm1 = b1.norm();
-    let u1 = if norm1 > f64::MIN_POSITIVE.sqrt() { b1 / norm1 } else { perpendicular(&u0) };
+    let plane = norm1 > NEGLIGIBLE * sigma0;
+    let u1 = if plane { b1 / norm1 } else { perpendicular(&u0) };
     let u2 = u0.cross(&u1);
-    let sigma = Vector3::new(sigma0, b[1].dot(&u1).max(0.0), b[2].dot(&u2)) * unit;
+    let sigma = if plane { Vector3::new(sigma0, norm1, b[2].dot(&u2)) } else { Vector3::new(sigma0, 0.0, 0.0) } * unit;
     SignedSvd { U: Matrix3::from_columns(&[u0, u1, u2]), sigma, V: Matrix3::from_columns(&v) }
+}
+
+/// Eigenvectors of a symmetric matrix by cyclic Jacobi rotations, to the absolute accuracy of its largest entry.
+#[inline]
+fn eigenvectors(C: &Matrix3<f64>) -> [Vector3<f64>; 3] {
+    let mut d = [C[(0, 0)], C[(1, 1)], C[(2, 2)]];
+    // Off-diagonal entries, numbered by the index that they lack.
+    let mut o = [C[(1, 2)], C[(0, 2)], C[(0, 1)]];
+    let mut v = [Vector3::x(), Vector3::y(), Vector3::z()];
+    let negligible = (f64::EPSILON * (d[0] + d[1] + d[2])).powi(2);
+    for _ in 0..SWEEPS {
+        if o[0] * o[0] + o[1] * o[1] + o[2] * o[2] <= negligible {
+            break;
+        }
+        turn(&mut d, &mut o, &mut v, 0, 1, 2);
+        turn(&mut d, &mut o, &mut v, 0, 2, 1);
+        turn(&mut d, &mut o, &mut v, 1, 2, 0);
+    }
+    v
+}
+
+/// One Jacobi rotation of directions `p` and `q`; `r` is the third. Inlined, so that all indices are constants.
+#[inline(always)]
+fn turn(d: &mut [f64; 3], o: &mut [f64; 3], v: &mut [Vector3<f64>; 3], p: usize, q: usize, r: usize) {
+    let (t, c) = jacobi_rotation(d[q] - d[p], o[r]);
+    let s = c * t;
+    d[p] -= t * o[r];
+    d[q] += t * o[r];
+    o[r] = 0.0;
+    // o[q] couples r with p, o[p] couples r with q.
+    (o[q], o[p]) = (o[q] * c - o[p] * s, o[q] * s + o[p] * c);
+    (v[p], v[q]) = (v[p] * c - v[q] * s, v[p] * s + v[q] * c);
+}
+
+/// Tangent (of the smaller angle) and cosine of the rotation that cancels the coupling `gamma` of two directions whose
+/// diagonal entries differ by `difference`; neither cancels nor divides by zero.
+#[inline]
+fn jacobi_rotation(difference: f64, gamma: f64) -> (f64, f64) {
+    let root = (difference * difference + 4.0 * gamma * gamma).sqrt();
+    let t = 2.0 * gamma * difference.signum() / (difference.abs() + root).max(f64::MIN_POSITIVE);
+    (t, (1.0 + t * t).sqrt().recip())
 }
 
 /// Makes columns `p` and `q` orthogonal. Returns whether they were not.
@@ -77,11 +123,7 @@ fn rotate(b: &mut [Vector3<f64>; 3], v: &mut [Vector3<f64>; 3], p: usize, q: usi
     if gamma * gamma <= ORTHOGONAL * ORTHOGONAL * alpha * beta || gamma.abs() < f64::MIN_POSITIVE {
         return false;
     }
-    // tan of the smaller rotation angle, in a form that neither cancels nor overflows.
-    let difference = beta - alpha;
-    let t =
-        2.0 * gamma * difference.signum() / (difference.abs() + (difference * difference + 4.0 * gamma * gamma).sqrt());
-    let c = (1.0 + t * t).sqrt().recip();
+    let (t, c) = jacobi_rotation(beta - alpha, gamma);
     let s = c * t;
     (b[p], b[q]) = (b[p] * c - b[q] * s, b[p] * s + b[q] * c);
     (v[p], v[q]) = (v[p] * c - v[q] * s, v[p] * s + v[q] * c);
@@ -107,7 +149,8 @@ pub fn polar_rotation(F: &Matrix3<f64>) -> Matrix3<f64> {
     let size = F.norm_squared();
     let det = F.determinant();
     // Below this ratio (1 for F with equal singular values) Newton's iteration loses digits, and SVD takes over.
-    if !(det > 0.02 * (size / 3.0) * (size / 3.0).sqrt()) {
+    let regular = det > 0.02 * (size / 3.0) * (size / 3.0).sqrt();
+    if !regular {
         let svd = signed_svd(F);
         return svd.U * svd.V.transpose();
     }
@@ -137,7 +180,7 @@ pub fn cofactor(F: &Matrix3<f64>) -> Matrix3<f64> {
 ///
 /// For each element the rotation of the relative deformation `F_to F_from⁻¹`; at each node their mean, weighted by rest
 /// volume, projected back to a rotation [Saupin, Duriez, Cotin, Grisoni 2008]. An element that is flat in `q_from`, or
-/// not finite, adds the identity. Lengths: `q_from`, `q_to` one position per node [m]; `rotations` one matrix per free
+/// not finite, adds the identity. Lengths: `q_from`, `q_to` one position per node (m); `rotations` one matrix per free
 /// node. Runs on one thread, allocates nothing; elements are added in mesh order.
 pub fn nodal_rotations(
     model: &FemModel,
@@ -164,6 +207,6 @@ fn relative_rotation(from: &Matrix3<f64>, to: &Matrix3<f64>) -> Matrix3<f64> {
     let det = from.determinant();
     // `from⁻¹ = cofᵀ / det`; the sign of det is kept and its size drops out of the polar decomposition.
     let relative = to * cofactor(from).transpose() * det.signum();
-    let flat = !(det.abs() > 1e-12 * from.norm().powi(3));
-    if flat || !relative.iter().all(|x| x.is_finite()) { Matrix3::identity() } else { polar_rotation(&relative) }
+    let regular = det.abs() > 1e-12 * from.norm().powi(3) && relative.iter().all(|x| x.is_finite());
+    if regular { polar_rotation(&relative) } else { Matrix3::identity() }
 }

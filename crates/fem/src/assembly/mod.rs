@@ -36,7 +36,7 @@ pub struct FemWorkspace {
     pub system: SystemMatrix,
     /// Right side of the last assembly, `3 n` values over the free nodes.
     pub rhs: Vec<f64>,
-    /// Internal force on every mesh node [N], fixed ones included: there it is minus the reaction.
+    /// Internal force on every mesh node (N), fixed ones included: there it is minus the reaction.
     pub f_int: Vec<Vector3<f64>>,
     /// Upper blocks of `K`.
     upper: Vec<Matrix3<f64>>,
@@ -73,7 +73,7 @@ pub struct Coefficients {
 }
 
 impl Coefficients {
-    /// `K` alone [N/m], for static solutions.
+    /// `K` alone (N/m), for static solutions.
     pub const STATIC: Self = Self { mass: 0.0, stiffness: 1.0 };
 }
 
@@ -105,9 +105,9 @@ impl AssemblyReport {
     }
 }
 
-/// Fills `ws.system` with `A = M + h C + h² K` [kg], `ws.rhs` with `b` [N s] and `ws.f_int` [N].
+/// Fills `ws.system` with `A = M + h C + h² K` (kg), `ws.rhs` with `b` (N s) and `ws.f_int` (N).
 ///
-/// `dt` is the step `h` [s]; `f_ext` one force per mesh node [N], or empty.
+/// `dt` is the step `h` (s); `f_ext` one force per mesh node (N), or empty.
 pub fn assemble(
     model: &FemModel,
     state: &FemState,
@@ -138,7 +138,7 @@ pub fn assemble(
 }
 
 /// Fills `ws.system` with `coefficients.mass M + coefficients.stiffness K`, `ws.rhs` with the static residual
-/// `f_ext + M g + f_int` [N] and `ws.f_int` [N]. Newton's method for equilibrium solves `K Δq = rhs`.
+/// `f_ext + M g + f_int` (N) and `ws.f_int` (N). Newton's method for equilibrium solves `K Δq = rhs`.
 pub fn assemble_with(
     model: &FemModel,
     state: &FemState,
@@ -160,7 +160,7 @@ pub fn assemble_with(
     report
 }
 
-/// Fills `ws.f_int` with the internal forces on all nodes [N], without the tangent; leaves `ws.system` alone.
+/// Fills `ws.f_int` with the internal forces on all nodes (N), without the tangent; leaves `ws.system` alone.
 pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) {
     ws.f_int.fill(Vector3::zeros());
     for batch in model.batches() {
@@ -174,7 +174,7 @@ pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace
     }
 }
 
-/// Elastic energy of the body [J].
+/// Elastic energy of the body (J).
 pub fn elastic_energy(model: &FemModel, state: &FemState) -> f64 {
     let mut energy = 0.0;
     for batch in model.batches() {

@@ -33,14 +33,14 @@ pub const RIDGE: f64 = 1e-6;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Corotational {
-    /// Young's modulus [Pa], positive.
+    /// Young's modulus (Pa), positive.
     pub young: f64,
     /// Poisson's ratio, in `(-1, 0.5)`.
     pub poisson: f64,
 }
 
 impl Corotational {
-    /// From Young's modulus [Pa] and Poisson's ratio; not validated.
+    /// From Young's modulus (Pa) and Poisson's ratio; not validated.
     pub fn from_young_poisson(young: f64, poisson: f64) -> Self {
         Self { young, poisson }
     }

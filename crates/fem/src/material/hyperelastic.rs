@@ -59,19 +59,19 @@ pub struct StrainFactor {
 /// The sums over the terms of a law at one strain.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Response {
-    /// `Ψ = Σ f g` [J/m³].
+    /// `Ψ = Σ f g` (J/m³).
     pub energy: f64,
-    /// `S = Σ f S^k` [Pa].
+    /// `S = Σ f S^k` (Pa).
     pub S: Matrix3<f64>,
-    /// `S' = Σ f' S^k` [Pa].
+    /// `S' = Σ f' S^k` (Pa).
     pub S_prime: Matrix3<f64>,
-    /// `s1 = Σ f' g` [Pa].
+    /// `s1 = Σ f' g` (Pa).
     pub s1: f64,
-    /// `s2 = Σ f'' g` [Pa].
+    /// `s2 = Σ f'' g` (Pa).
     pub s2: f64,
-    /// `Σ f α` [Pa].
+    /// `Σ f α` (Pa).
     pub alpha: f64,
-    /// `Σ f β` [Pa].
+    /// `Σ f β` (Pa).
     pub beta: f64,
 }
 

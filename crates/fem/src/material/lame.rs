@@ -2,17 +2,17 @@
 
 use thiserror::Error;
 
-/// Lamé parameters [Pa]: stress `2 mu ε + lambda tr(ε) I` at small strain `ε`.
+/// Lamé parameters (Pa): stress `2 mu ε + lambda tr(ε) I` at small strain `ε`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lame {
-    /// Shear modulus `μ` [Pa].
+    /// Shear modulus `μ` (Pa).
     pub mu: f64,
-    /// First Lamé parameter `λ` [Pa].
+    /// First Lamé parameter `λ` (Pa).
     pub lambda: f64,
 }
 
 impl Lame {
-    /// From Young's modulus [Pa] and Poisson's ratio in `(-1, 0.5)`.
+    /// From Young's modulus (Pa) and Poisson's ratio in `(-1, 0.5)`.
     #[inline]
     pub fn from_young_poisson(young: f64, poisson: f64) -> Self {
         Self {
@@ -21,7 +21,7 @@ impl Lame {
         }
     }
 
-    /// Young's modulus [Pa].
+    /// Young's modulus (Pa).
     pub fn young(&self) -> f64 {
         self.mu * (3.0 * self.lambda + 2.0 * self.mu) / (self.lambda + self.mu)
     }
@@ -31,7 +31,7 @@ impl Lame {
         0.5 * self.lambda / (self.lambda + self.mu)
     }
 
-    /// Bulk modulus `λ + 2/3 μ` [Pa].
+    /// Bulk modulus `λ + 2/3 μ` (Pa).
     pub fn bulk(&self) -> f64 {
         self.lambda + self.mu * 2.0 / 3.0
     }
@@ -52,9 +52,9 @@ pub enum MaterialError {
     /// The volumetric modulus leaves a bulk modulus that is not positive.
     #[error("k0 = {k0} Pa with mu = {mu} Pa: k0 + 2/3 mu, the bulk modulus, must be positive and finite")]
     VolumeModulus {
-        /// The volumetric modulus [Pa].
+        /// The volumetric modulus (Pa).
         k0: f64,
-        /// The shear modulus [Pa].
+        /// The shear modulus (Pa).
         mu: f64,
     },
     /// Neither of the two sets of parameters is complete.
@@ -62,7 +62,7 @@ pub enum MaterialError {
     ParameterPair,
 }
 
-/// Checks the range of Young's modulus [Pa] and Poisson's ratio.
+/// Checks the range of Young's modulus (Pa) and Poisson's ratio.
 pub(crate) fn validate_young_poisson(young: f64, poisson: f64) -> Result<(), MaterialError> {
     if !(young > 0.0 && young.is_finite()) {
         return Err(MaterialError::Young(young));

@@ -1,8 +1,8 @@
 //! Constitutive laws, one file each, and the register that makes them reachable by name.
 //!
-//! A law gives the energy density `Ψ(F)` [J/m³], the first Piola stress `P = ∂Ψ/∂F` [Pa] and what one linear tetrahedron
+//! A law gives the energy density `Ψ(F)` (J/m³), the first Piola stress `P = ∂Ψ/∂F` (Pa) and what one linear tetrahedron
 //! adds to the stiffness. All three are derivatives of one energy, also beyond the physical domain (inverted elements).
-//! A new law is one file and one line in [`materials!`].
+//! A new law is one file and one line in `materials!`.
 
 #![allow(non_snake_case)]
 
@@ -33,13 +33,13 @@ pub trait Law: Copy + Send + Sync {
     /// Lamé parameters of the linear elasticity that the law tends to at small strain.
     fn small_strain(&self) -> Lame;
 
-    /// Energy density `Ψ(F)` [J/m³], zero at rest.
+    /// Energy density `Ψ(F)` (J/m³), zero at rest.
     fn energy_density(&self, F: &Matrix3<f64>) -> f64;
 
-    /// First Piola stress `P = ∂Ψ/∂F` [Pa].
+    /// First Piola stress `P = ∂Ψ/∂F` (Pa).
     fn first_piola(&self, F: &Matrix3<f64>) -> Matrix3<f64>;
 
-    /// Forces and exact tangent of one element with deformed `edges` [m]; with `filter`, the nearest positive
+    /// Forces and exact tangent of one element with deformed `edges` (m); with `filter`, the nearest positive
     /// semidefinite tangent in the space of `F`. Returns whether the filter changed the tangent.
     fn element(&self, element: &Tetrahedron, edges: &Matrix3<f64>, filter: bool, out: &mut ElementMatrices) -> bool;
 

@@ -31,7 +31,7 @@ pub const EXTENSION_BELOW: f64 = 0.2;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Parameters")]
 pub struct NeoHookean {
-    /// Young's modulus at small strain [Pa], positive.
+    /// Young's modulus at small strain (Pa), positive.
     pub young: f64,
     /// Poisson's ratio at small strain, in `(-1, 0.5)`.
     pub poisson: f64,
@@ -63,12 +63,12 @@ impl TryFrom<Parameters> for NeoHookean {
 }
 
 impl NeoHookean {
-    /// From Young's modulus [Pa] and Poisson's ratio at small strain; not validated.
+    /// From Young's modulus (Pa) and Poisson's ratio at small strain; not validated.
     pub fn from_young_poisson(young: f64, poisson: f64) -> Self {
         Self { young, poisson }
     }
 
-    /// From the parameters of the energy: shear modulus `mu` [Pa] and volumetric modulus `k0` [Pa].
+    /// From the parameters of the energy: shear modulus `mu` (Pa) and volumetric modulus `k0` (Pa).
     pub fn from_moduli(mu: f64, k0: f64) -> Result<Self, MaterialError> {
         if !(mu > 0.0 && mu.is_finite()) {
             return Err(MaterialError::ShearModulus(mu));

@@ -18,15 +18,15 @@ use crate::{
 /// Eigenvalues above `-ROUNDING` times the largest count as zero: rotations have eigenvalue zero at rest.
 const ROUNDING: f64 = 1e-12;
 
-/// `∂P/∂F` [Pa] of an isotropic law in the frame of the singular vectors.
+/// `∂P/∂F` (Pa) of an isotropic law in the frame of the singular vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PrincipalTangent {
     svd: SignedSvd,
-    /// Over the three scalings [Pa]: `∂²Ψ/∂σ_a∂σ_b`, symmetric.
+    /// Over the three scalings (Pa): `∂²Ψ/∂σ_a∂σ_b`, symmetric.
     pub scaling: Matrix3<f64>,
-    /// Eigenvalue of the flip of the two axes other than `a` [Pa]: `(Ψ_b - Ψ_c) / (σ_b - σ_c)`.
+    /// Eigenvalue of the flip of the two axes other than `a` (Pa): `(Ψ_b - Ψ_c) / (σ_b - σ_c)`.
     pub flip: Vector3<f64>,
-    /// Eigenvalue of the twist of the two axes other than `a` [Pa]: `(Ψ_b + Ψ_c) / (σ_b + σ_c)`.
+    /// Eigenvalue of the twist of the two axes other than `a` (Pa): `(Ψ_b + Ψ_c) / (σ_b + σ_c)`.
     pub twist: Vector3<f64>,
 }
 
@@ -58,7 +58,7 @@ impl PrincipalTangent {
         acted
     }
 
-    /// Stiffness blocks `K_ij` of the nodes 1, 2, 3 [N/m], in the order of
+    /// Stiffness blocks `K_ij` of the nodes 1, 2, 3 (N/m), in the order of
     /// [`ElementMatrices`](crate::element::ElementMatrices).
     pub fn blocks(&self, element: &Tetrahedron, blocks: &mut [Matrix3<f64>; 6]) {
         // Rows are D_1, D_2, D_3 in the rest frame of the singular vectors.

@@ -17,27 +17,27 @@ pub const MAX_STIFFNESS_RATIO: f64 = 1e4;
 /// Choices for one soft body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FemConfig {
-    /// Material of the regions that `region_materials` does not name. [neo-Hookean, 5 kPa, 0.45: soft liver]
+    /// Material of the regions that `region_materials` does not name. Default: neo-Hookean, 5 kPa, 0.45 (soft liver).
     pub material: Material,
-    /// Material by region name. [none]
+    /// Material by region name. Default: none.
     pub region_materials: BTreeMap<String, Material>,
-    /// Density of the regions that `region_densities` does not name [kg/m³], >= 0. [1060]
+    /// Density of the regions that `region_densities` does not name (kg/m³), >= 0. Default: 1060.
     pub density: f64,
-    /// Density by region name [kg/m³], >= 0. [none]
+    /// Density by region name (kg/m³), >= 0. Default: none.
     pub region_densities: BTreeMap<String, f64>,
-    /// If set, this mass [kg] is shared equally by all nodes, fixed ones included, and densities are not used: the
-    /// uniform mass of other engines' scenes. [none]
+    /// If set, this mass (kg) is shared equally by all nodes, fixed ones included, and densities are not used: the
+    /// uniform mass of other engines' scenes. Default: none.
     pub total_mass: Option<f64>,
-    /// Rayleigh damping by mass `α` [1/s], >= 0: `C = α M + β K`. [0]
+    /// Rayleigh damping by mass `α` (1/s), >= 0: `C = α M + β K`. Default: 0.
     pub rayleigh_mass: f64,
-    /// Rayleigh damping by stiffness `β` [s], >= 0. [0]
+    /// Rayleigh damping by stiffness `β` (s), >= 0. Default: 0.
     pub rayleigh_stiffness: f64,
-    /// Acceleration of gravity [m/s²]. [(0, 0, -9.81)]
+    /// Acceleration of gravity (m/s²). Default: (0, 0, -9.81).
     pub gravity: Vector3<f64>,
-    /// Mesh nodes that do not move: they keep the position that the state holds. [none]
+    /// Mesh nodes that do not move: they keep the position that the state holds. Default: none.
     pub fixed: Vec<u32>,
     /// Definiteness filter: each element's tangent is replaced by the nearest positive semidefinite one. On for real
-    /// time; off for reference runs, where Newton's method converges quadratically. [true]
+    /// time; off for reference runs, where Newton's method converges quadratically. Default: true.
     pub filter: bool,
 }
 
@@ -89,7 +89,7 @@ pub enum FemError {
     Volume {
         /// The tetrahedron.
         tetrahedron: usize,
-        /// Its volume [m³].
+        /// Its volume (m³).
         volume: f64,
     },
     /// The mesh does not name one region per tetrahedron.
@@ -132,9 +132,9 @@ pub enum FemError {
          soften the stiff region, or fix its nodes"
     )]
     StiffnessRatio {
-        /// Smallest Young's modulus [Pa].
+        /// Smallest Young's modulus (Pa).
         softest: f64,
-        /// Largest Young's modulus [Pa].
+        /// Largest Young's modulus (Pa).
         stiffest: f64,
     },
     /// A number of the configuration is outside its range.
@@ -214,8 +214,8 @@ impl FemConfig {
         }
         not_negative("rayleigh_mass", self.rayleigh_mass, ">= 0 1/s and finite")?;
         not_negative("rayleigh_stiffness", self.rayleigh_stiffness, ">= 0 s and finite")?;
-        for &g in self.gravity.iter().filter(|g| !g.is_finite()) {
-            return Err(FemError::OutOfRange { name: "gravity", value: g, range: "finite, in m/s²" });
+        if let Some(&value) = self.gravity.iter().find(|g| !g.is_finite()) {
+            return Err(FemError::OutOfRange { name: "gravity", value, range: "finite, in m/s²" });
         }
         let nodes = mesh.nodes.len();
         if let Some(&node) = self.fixed.iter().find(|&&i| i as usize >= nodes) {

@@ -18,9 +18,9 @@ use crate::{
 /// The state of a soft body: what is saved, and all that a step changes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FemState {
-    /// Position of every mesh node [m], fixed ones included.
+    /// Position of every mesh node (m), fixed ones included.
     pub q: Vec<Vector3<f64>>,
-    /// Velocity of every mesh node [m/s]; that of fixed nodes is ignored.
+    /// Velocity of every mesh node (m/s); that of fixed nodes is ignored.
     pub v: Vec<Vector3<f64>>,
 }
 
@@ -133,7 +133,7 @@ impl FemModel {
         self.node_of_free.len()
     }
 
-    /// Rest positions [m].
+    /// Rest positions (m).
     pub fn q_rest(&self) -> &[Vector3<f64>] {
         &self.q_rest
     }
@@ -153,7 +153,7 @@ impl FemModel {
         &self.mesh_tetrahedron
     }
 
-    /// Lumped mass of every node [kg].
+    /// Lumped mass of every node (kg).
     pub fn mass(&self) -> &[f64] {
         &self.mass
     }
@@ -173,17 +173,17 @@ impl FemModel {
         &self.pattern
     }
 
-    /// Acceleration of gravity [m/s²].
+    /// Acceleration of gravity (m/s²).
     pub fn gravity(&self) -> &Vector3<f64> {
         &self.gravity
     }
 
-    /// Rayleigh damping by mass [1/s].
+    /// Rayleigh damping by mass (1/s).
     pub fn rayleigh_mass(&self) -> f64 {
         self.rayleigh_mass
     }
 
-    /// Rayleigh damping by stiffness [s].
+    /// Rayleigh damping by stiffness (s).
     pub fn rayleigh_stiffness(&self) -> f64 {
         self.rayleigh_stiffness
     }
@@ -228,7 +228,7 @@ fn check_topology(mesh: &TetMesh) -> Result<(), FemError> {
     Ok(())
 }
 
-/// Volume of a tetrahedron of the mesh [m³].
+/// Volume of a tetrahedron of the mesh (m³).
 fn volume(mesh: &TetMesh, t: usize) -> f64 {
     let [a, b, c, d] = mesh.tetrahedra[t].map(|i| mesh.nodes[i as usize]);
     (b - a).cross(&(c - a)).dot(&(d - a)) / 6.0
