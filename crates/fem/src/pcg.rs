@@ -101,24 +101,27 @@ pub fn pcg(
     }
 
     let mut residual = residual(a, b, x, r) / b_norm;
-    if !(residual <= 1.0) {
+    let helps = residual <= 1.0; // false for NaN too
+    if !helps {
         x.fill(0.0);
         r.copy_from_slice(b);
         residual = 1.0;
     }
     let mut rz = 0.0;
     let mut restart = true;
-    for iteration in 0..=config.max_iterations {
-        if residual <= config.relative_tolerance {
+    let mut iteration = 0;
+    loop {
+        let last = iteration >= config.max_iterations;
+        if last || residual <= config.relative_tolerance {
             residual = self::residual(a, b, x, r) / b_norm;
             if residual <= config.relative_tolerance {
                 return report(PcgStatus::Converged, iteration, residual);
             }
+            if last {
+                return report(PcgStatus::OutOfIterations, iteration, residual);
+            }
             // the recurrence had drifted: go on from the true residual
             restart = true;
-        }
-        if iteration == config.max_iterations {
-            return report(PcgStatus::OutOfIterations, iteration, residual);
         }
 
         // direction: z = P⁻¹ r, p = z + beta p
@@ -154,8 +157,8 @@ pub fn pcg(
         }
         x.iter_mut().zip(&*p).for_each(|(x, p)| *x += alpha * p);
         residual = next;
+        iteration += 1;
     }
-    report(PcgStatus::OutOfIterations, config.max_iterations, residual)
 }
 
 /// `r = b − A x`; returns its norm.

@@ -1,4 +1,5 @@
 //! Conjugate gradients: convergence with exact, stale and warped factors, and what they do with bad input.
+#![allow(clippy::print_stdout)] // counts are shown beside their bounds
 
 mod factor_bodies;
 
@@ -199,6 +200,23 @@ fn refusals_and_limits_are_reported() {
 
     let report = pcg(&a, &b[1..], &mut x, &mut jacobi, config, &mut workspace);
     assert_eq!(report.status, PcgStatus::WrongSize);
+}
+
+#[test]
+fn a_tolerance_below_rounding_ends_with_the_true_residual() {
+    let body = Body::block([4, 4, 5], 1);
+    let a = body.system(2);
+    let factor = factored(&body, &a);
+    let b = Random(3).vector(3 * body.free_nodes());
+    let mut x = vec![0.0; b.len()];
+    let workspace = &mut SolveWorkspace::new(factor.symbolic());
+    let config = PcgConfig { relative_tolerance: 1e-18, max_iterations: 25 };
+    let mut preconditioner = FactorPreconditioner { factor: &factor, workspace };
+    let report = pcg(&a, &b, &mut x, &mut preconditioner, config, &mut PcgWorkspace::new(body.free_nodes()));
+    // the recurrence alone would claim 1e-18 after two steps; rounding of A x leaves about 1e-15
+    assert_eq!((report.status, report.iterations), (PcgStatus::OutOfIterations, 25));
+    assert!((1e-17..1e-12).contains(&report.relative_residual), "{:e}", report.relative_residual);
+    assert!((report.relative_residual - true_residual(&a, &b, &x)).abs() < 1e-15);
 }
 
 #[test]

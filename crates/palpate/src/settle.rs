@@ -1,8 +1,8 @@
 //! The state in which a run begins: at rest under gravity.
 
-use palpate_fem::assembly::assemble;
+use palpate_fem::assembly::{FemWorkspace, assemble};
 use palpate_fem::factor::{Factor, FactorStatus, SolveWorkspace};
-use palpate_fem::model::{FemModel, FemState, FemWorkspace};
+use palpate_fem::model::{FemModel, FemState};
 
 use crate::world::World;
 

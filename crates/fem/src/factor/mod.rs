@@ -11,7 +11,9 @@
 //! LLᵀ rather than LDLᵀ: `W` wants the symmetric half `L⁻¹`, and a matrix that is not positive definite must be
 //! reported, not factored.
 
+mod gram;
 mod numeric;
+mod permuted_blocks;
 pub mod reach;
 mod solve;
 mod supernodal_tree;

@@ -60,6 +60,17 @@ pub struct Factor {
     revision: u64,
 }
 
+impl Clone for Factor {
+    /// The same numbers in memory of its own; the scratch memory is made anew.
+    fn clone(&self) -> Self {
+        let mut copy = Self::new(Arc::clone(&self.symbolic));
+        copy.values.copy_from_slice(&self.values);
+        copy.lower.copy_from_slice(&self.lower);
+        copy.revision = self.revision;
+        copy
+    }
+}
+
 impl Factor {
     /// Memory for a factor; invalid until the first [`Self::refactor`] succeeds.
     pub fn new(symbolic: Arc<SymbolicFactor>) -> Self {

@@ -7,13 +7,10 @@
 //! lie close together, and only the range from the first to the last of them is computed there.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::matmul::{
-    matmul,
-    triangular::{self, BlockStructure},
-};
+use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::prelude::{Reborrow, ReborrowMut};
-use faer::{Accum, Conj, MatMut, MatRef, Par};
+use faer::{Accum, Conj, MatMut, Par};
 use nalgebra::DMatrixViewMut;
 
 use super::numeric::Factor;
@@ -21,10 +18,6 @@ use super::solve::{SolveStatus, permute_back};
 use super::symbolic::SymbolicFactor;
 use crate::nodal_rows::NodalRows;
 use crate::ordering::NO_PARENT;
-
-/// Supernodes whose ranges of rows differ are multiplied together while this raises the work by at most a quarter:
-/// few large products beat many small ones.
-const GRAM_WASTE: f64 = 1.25;
 
 /// How a half solve ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,26 +58,26 @@ pub struct ReachReport {
 pub struct ReachWorkspace {
     max_rows: usize,
     /// `Yᵀ`: one column of `stride` numbers per reached degree of freedom, one entry per (sorted) row of `H`.
-    half: Vec<f64>,
-    stride: usize,
+    pub(super) half: Vec<f64>,
+    pub(super) stride: usize,
     update: Vec<f64>,
-    gram: Vec<f64>,
+    pub(super) gram: Vec<f64>,
     /// Per supernode: first column of `half`, and the range of sorted rows that are nonzero there.
-    base: Vec<u32>,
-    active: Vec<(u32, u32)>,
-    reached: Vec<u32>,
+    pub(super) base: Vec<u32>,
+    pub(super) active: Vec<(u32, u32)>,
+    pub(super) reached: Vec<u32>,
     /// First supernode that each row reaches, and the rows sorted by it.
     first: Vec<u32>,
-    sorted: Vec<u32>,
+    pub(super) sorted: Vec<u32>,
     place: Vec<u32>,
     lambda: Vec<f64>,
     permuted: Vec<f64>,
     memory: MemBuffer,
     widest_pattern: usize,
-    rows: usize,
-    columns: usize,
+    pub(super) rows: usize,
+    pub(super) columns: usize,
     /// Revision of the factor that `half` was computed with; zero while there is none.
-    revision: u64,
+    pub(super) revision: u64,
 }
 
 /// No row has reached the supernode.
@@ -128,72 +121,6 @@ impl ReachWorkspace {
     /// Rows of the last half solve; zero if it failed.
     pub fn rows(&self) -> usize {
         self.rows
-    }
-
-    /// Writes `W = scale · Yᵀ Y = scale · H A⁻¹ Hᵀ` into `w`, which must be `m x m`. Symmetric to the bit.
-    ///
-    /// Takes a `&mut DMatrix<f64>` or a view of a larger one. The caller's `scale` is `h²` for a compliance in m/N.
-    pub fn gram_into<'w>(&mut self, scale: f64, w: impl Into<DMatrixViewMut<'w, f64>>) -> ReachStatus {
-        let mut w = w.into();
-        let m = self.rows;
-        if w.nrows() != m || w.ncols() != m {
-            return ReachStatus::WrongSize;
-        }
-        if self.revision == 0 {
-            return ReachStatus::InvalidFactor;
-        }
-        self.gram[..m * m].fill(0.0);
-        let mut group = Group::default();
-        for k in 0..self.reached.len() {
-            let s = self.reached[k] as usize;
-            let end = self.reached.get(k + 1).map_or(self.columns, |&next| self.base[next as usize] as usize);
-            let next = Group::new(self.base[s] as usize..end, self.active[s]);
-            let joined = group.joined(&next);
-            if joined.work() <= GRAM_WASTE * (group.paid + next.paid) {
-                group = joined;
-            } else {
-                self.add_products(&group);
-                group = next;
-            }
-        }
-        self.add_products(&group);
-        for j in 0..m {
-            for i in j..m {
-                let value = scale * self.gram[j * m + i];
-                let (row, column) = (self.sorted[i] as usize, self.sorted[j] as usize);
-                w[(row, column)] = value;
-                w[(column, row)] = value;
-            }
-        }
-        ReachStatus::Ok
-    }
-
-    /// Adds the scalar products over one group of degrees of freedom to the lower triangle of `gram`.
-    fn add_products(&mut self, group: &Group) {
-        let (from, to) = (group.active.0 as usize, group.active.1 as usize);
-        if group.columns.is_empty() || from >= to {
-            return;
-        }
-        let m = self.rows;
-        let half = MatRef::from_column_major_slice_with_stride(
-            &self.half[group.columns.start * self.stride..group.columns.end * self.stride],
-            self.stride,
-            group.columns.len(),
-            self.stride,
-        );
-        let half = half.subrows(from, to - from);
-        let gram = MatMut::from_column_major_slice_mut(&mut self.gram[..m * m], m, m);
-        triangular::matmul(
-            gram.submatrix_mut(from, from, to - from, to - from),
-            BlockStructure::TriangularLower,
-            Accum::Add,
-            half,
-            BlockStructure::Rectangular,
-            half.transpose(),
-            BlockStructure::Rectangular,
-            1.0,
-            Par::Seq,
-        );
     }
 
     /// Finds the supernodes that the rows reach, in elimination order, and which rows are nonzero where.
@@ -387,39 +314,8 @@ impl Factor {
     }
 }
 
-/// Neighbouring columns of `half` that are multiplied over the same range of rows.
-#[derive(Clone, Debug, Default)]
-struct Group {
-    columns: std::ops::Range<usize>,
-    active: (u32, u32),
-    /// Work of its members if each were multiplied on its own.
-    paid: f64,
-}
-
-impl Group {
-    fn new(columns: std::ops::Range<usize>, active: (u32, u32)) -> Self {
-        let mut group = Self { columns, active, paid: 0.0 };
-        group.paid = group.work();
-        group
-    }
-
-    fn work(&self) -> f64 {
-        let rows = self.active.1.saturating_sub(self.active.0) as f64;
-        rows * rows * self.columns.len() as f64
-    }
-
-    fn joined(&self, next: &Self) -> Self {
-        if self.columns.is_empty() {
-            return next.clone();
-        }
-        let mut active = self.active;
-        widen(&mut active, next.active);
-        Self { columns: self.columns.start..next.columns.end, active, paid: self.paid + next.paid }
-    }
-}
-
 /// Extends a range of rows so that it holds another.
-fn widen(range: &mut (u32, u32), other: (u32, u32)) {
+pub(super) fn widen(range: &mut (u32, u32), other: (u32, u32)) {
     *range = (range.0.min(other.0), range.1.max(other.1));
 }
 

@@ -130,8 +130,8 @@ impl Body {
         a
     }
 
-    /// Three rows (a frame) for each of `contacts` points on triangles of neighbouring top nodes, the contacts
-    /// within a patch around a random place.
+    /// Three rows (a frame) for each of `contacts` points on triangles of neighbouring top nodes, within a patch
+    /// around a random place.
     pub fn contact_rows(&self, contacts: usize, seed: u64) -> NodalRows {
         let mut random = Random(seed);
         let mut near = self.top.clone();
@@ -140,9 +140,23 @@ impl Body {
             let distance = |k: u32| (self.positions[k as usize] - centre).norm();
             distance(a).total_cmp(&distance(b)).then(a.cmp(&b))
         });
+        self.rows_at(&near, contacts, &mut random)
+    }
+
+    /// The same with the contacts all over the top.
+    pub fn scattered_contact_rows(&self, contacts: usize, seed: u64) -> NodalRows {
+        let mut random = Random(seed);
+        let mut places = self.top.clone();
+        for i in (1..places.len()).rev() {
+            places.swap(i, random.below(i + 1));
+        }
+        self.rows_at(&places, contacts, &mut random)
+    }
+
+    fn rows_at(&self, places: &[u32], contacts: usize, random: &mut Random) -> NodalRows {
         let mut rows = NodalRows::default();
         for contact in 0..contacts {
-            let node = near[contact % near.len()];
+            let node = places[contact % places.len()];
             let neighbours = &self.pattern.columns()[self.pattern.row(node as usize)];
             let others: Vec<u32> =
                 neighbours.iter().copied().filter(|k| *k != node && self.top.binary_search(k).is_ok()).collect();

@@ -5,10 +5,11 @@ use palpate_collision::detection::DetectionReport;
 use palpate_fem::assembly::AssemblyReport;
 use palpate_constraints::rows::RowReport;
 use palpate_fem::factor::ReachStatus;
-use palpate_fem::pcg::PcgReport;
+use palpate_fem::pcg::{PcgReport, PcgStatus};
 use palpate_solver::report::SolveReport;
 
 use super::StepInput;
+use super::stages::NOT_SOLVED;
 
 /// How a step ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -102,9 +103,24 @@ impl StepReport {
             time: input.time,
             status: StepStatus::Advanced,
             tool: input.tool,
-            assembly: AssemblyReport::default(),
-            free_motion: PcgReport::default(),
-            detection: DetectionReport::default(),
+            assembly: AssemblyReport {
+                filtered: 0,
+                inverted: 0,
+                min_jacobian: 1.0,
+                min_jacobian_tetrahedron: 0,
+                non_finite: None,
+            },
+            free_motion: PcgReport { status: PcgStatus::Converged, iterations: 0, relative_residual: 0.0 },
+            detection: DetectionReport {
+                candidates: 0,
+                contacts: 0,
+                wrong_side: 0,
+                merged: 0,
+                dropped: 0,
+                non_finite: 0,
+                deepest_gap: f64::INFINITY,
+                tool_inside: false,
+            },
             rows: RowReport::default(),
             compliance: ReachStatus::Ok,
             refused: false,

@@ -1,8 +1,9 @@
 //! The stages of the step, each a few lines between the description, the state and the workspace.
 
 use nalgebra::{Isometry3, Vector3};
+use palpate_collision::contact::Contact;
 use palpate_collision::detection::detect;
-use palpate_constraints::compliance::{ComplianceMethod, rotate_rows};
+use palpate_constraints::compliance::rotate_rows;
 use palpate_constraints::law::{Coulomb, Law, Signorini};
 use palpate_constraints::rows::{RowInput, ToolMotion, build_rows};
 use palpate_fem::factor::{Factor, FactorStatus, ReachStatus};
@@ -127,12 +128,12 @@ pub(super) fn solve(world: &World, state: &mut StepState, ws: &mut StepWorkspace
             max_sweeps: solver.max_sweeps,
             ..GaussSeidelConfig::default()
         };
-        state.warm_start.fetch(&state.contacts.contacts, &ws.rows, WARM_START_RADIUS, lambda);
+        state.warm_start.fetch(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), WARM_START_RADIUS, lambda);
         report.solve = gauss_seidel::solve(&ws.problem.view(), lambda, &config, &mut ws.gauss_seidel);
     } else if m > 0 {
         report.solve = NOT_SOLVED;
     }
-    state.warm_start.store(&state.contacts.contacts, &ws.rows, lambda);
+    state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), lambda);
 
     let wrench = ws.rows.wrench(lambda);
     (report.force, report.torque) = (wrench.force, wrench.torque);
@@ -145,14 +146,19 @@ pub(super) fn solve(world: &World, state: &mut StepState, ws: &mut StepWorkspace
         report.active += 1;
         let Some(contact) = state.contacts.contacts.get(block.contact as usize) else { continue };
         friction += frame.to_world(force) - contact.normal * force[0];
-        let push = contact.tissue_point - contact.weighted(&state.rest);
+        let push = contact.tissue_point - weighted(contact, &state.rest);
         report.indentation = report.indentation.max(push.dot(&contact.normal));
     }
     report.tangential_force = friction.norm();
 }
 
+/// The contact's tissue point in another configuration of the body.
+fn weighted(contact: &Contact, q: &[Vector3<f64>]) -> Vector3<f64> {
+    contact.nodes.iter().zip(&contact.weights).filter_map(|(&n, w)| Some(q.get(n as usize)? * *w)).sum()
+}
+
 /// A solve that did not happen.
-const NOT_SOLVED: SolveReport = SolveReport {
+pub(super) const NOT_SOLVED: SolveReport = SolveReport {
     status: SolveStatus::NotFinite,
     iterations: 0,
     residual: f64::INFINITY,

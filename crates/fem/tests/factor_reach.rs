@@ -1,0 +1,140 @@
+//! Half solves over the reach: compliance against the dense inverse, corrections against full solves, reports.
+
+mod factor_bodies;
+
+use std::sync::Arc;
+
+use factor_bodies::{Body, Random, dense, dense_rows};
+use nalgebra::{DMatrix, Vector3};
+use palpate_fem::factor::{
+    Factor, FactorStatus, ReachStatus, ReachWorkspace, SolveStatus, SolveWorkspace, SymbolicFactor,
+};
+use palpate_fem::nodal_rows::NodalRows;
+use palpate_fem::sparse::SystemMatrix;
+
+fn factored(body: &Body, a: &SystemMatrix) -> Factor {
+    let mut factor = Factor::new(Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap()));
+    assert_eq!(factor.refactor(a).status, FactorStatus::Ok);
+    factor
+}
+
+fn relative_difference(x: &[f64], y: &[f64]) -> f64 {
+    let difference: f64 = x.iter().zip(y).map(|(x, y)| (x - y) * (x - y)).sum();
+    (difference / y.iter().map(|y| y * y).sum::<f64>()).sqrt()
+}
+
+#[test]
+fn compliance_by_reach_is_that_of_the_dense_inverse() {
+    for (cells, contacts) in [([3, 4, 3], 1), ([6, 5, 5], 9), ([9, 8, 3], 30)] {
+        let body = Body::block(cells, 1);
+        let a = body.system(2);
+        let factor = factored(&body, &a);
+        let rows = body.contact_rows(contacts, 3);
+        let h = dense_rows(&rows, body.free_nodes());
+        let inverse_times_h = dense(&a).cholesky().unwrap().solve(&h.transpose());
+        let exact = 0.25 * &h * inverse_times_h;
+        let mut w = DMatrix::zeros(rows.len(), rows.len());
+        let mut workspace = ReachWorkspace::new(factor.symbolic(), 90);
+        let report = factor.compliance_into(&rows, 0.25, &mut w, &mut workspace);
+        assert_eq!(report.status, ReachStatus::Ok);
+        assert_eq!(report.rows, rows.len());
+        assert!(report.degrees_of_freedom <= 3 * body.free_nodes());
+        assert!((&w - &exact).norm() < 1e-12 * exact.norm(), "{:e}", (&w - &exact).norm() / exact.norm());
+        assert_eq!(w, w.transpose(), "symmetric to the bit");
+    }
+}
+
+/// Rows that are far apart, empty, doubled, or of one entry, in an order that has nothing to do with elimination.
+#[test]
+fn compliance_of_scattered_rows_is_exact_whatever_their_order() {
+    let body = Body::block([8, 7, 6], 1);
+    let a = body.system(2);
+    let n = body.free_nodes();
+    let factor = factored(&body, &a);
+    let inverse = dense(&a).cholesky().unwrap().inverse();
+    let mut workspace = ReachWorkspace::new(factor.symbolic(), 40);
+    for seed in 0..6 {
+        let mut random = Random(seed);
+        let mut rows = NodalRows::with_capacity(40, 3);
+        for r in 0..33 {
+            let mut nodes: Vec<u32> = (0..r % 4).map(|_| random.below(n) as u32).collect();
+            nodes.sort_unstable();
+            nodes.dedup();
+            rows.push_row(nodes.into_iter().map(|k| (k, Vector3::from_fn(|_, _| random.signed()))));
+        }
+        let h = dense_rows(&rows, n);
+        let exact = &h * &inverse * h.transpose();
+        let mut w = DMatrix::from_element(50, 50, 7.0);
+        let report = factor.compliance_into(&rows, 1.0, w.view_mut((4, 9), (33, 33)), &mut workspace);
+        assert_eq!(report.status, ReachStatus::Ok);
+        let written = w.view((4, 9), (33, 33)).into_owned();
+        assert!((&written - &exact).norm() < 1e-12 * exact.norm());
+        assert_eq!(written, written.transpose());
+        assert_eq!(w.iter().filter(|&&v| v == 7.0).count(), 50 * 50 - 33 * 33, "only the view is written");
+    }
+}
+
+#[test]
+fn correction_by_half_solves_is_the_full_solve() {
+    let body = Body::block([7, 6, 5], 1);
+    let factor = factored(&body, &body.system(2));
+    let mut workspace = ReachWorkspace::new(factor.symbolic(), 60);
+    for contacts in [1, 7, 20] {
+        let rows = body.contact_rows(contacts, 3);
+        assert_eq!(factor.half_solve(&rows, &mut workspace).status, ReachStatus::Ok);
+        let lambda = Random(4).vector(rows.len());
+        let mut x = vec![f64::NAN; 3 * body.free_nodes()];
+        assert!(factor.correct(&lambda, &mut x, &mut workspace).is_ok());
+        let mut exact = vec![0.0; x.len()];
+        rows.add_transposed(&lambda, &mut exact);
+        assert!(factor.solve(&mut exact, &mut SolveWorkspace::new(factor.symbolic())).is_ok());
+        assert!(relative_difference(&x, &exact) < 1e-13);
+    }
+}
+
+#[test]
+fn running_past_capacity_is_reported_and_leaves_the_workspace_usable() {
+    let body = Body::block([5, 5, 3], 1);
+    let factor = factored(&body, &body.system(2));
+    let mut workspace = ReachWorkspace::new(factor.symbolic(), 10);
+    let (few, many) = (body.contact_rows(3, 1), body.contact_rows(4, 1));
+    assert_eq!(factor.half_solve(&many, &mut workspace).status, ReachStatus::TooManyRows { capacity: 10 });
+    assert_eq!(workspace.rows(), 0);
+    assert_eq!(factor.correct(&[], &mut [], &mut workspace), SolveStatus::OtherFactor);
+    assert_eq!(factor.half_solve(&few, &mut workspace).status, ReachStatus::Ok);
+    assert_eq!(workspace.gram_into(1.0, &mut DMatrix::zeros(10, 10)), ReachStatus::WrongSize);
+    assert_eq!(workspace.gram_into(1.0, &mut DMatrix::zeros(9, 9)), ReachStatus::Ok);
+
+    let mut unknown = NodalRows::default();
+    unknown.push_row([(body.free_nodes() as u32, Vector3::x())]);
+    let status = factor.half_solve(&unknown, &mut workspace).status;
+    assert_eq!(status, ReachStatus::UnknownNode { node: body.free_nodes() as u32 });
+
+    let none = NodalRows::default();
+    assert_eq!(factor.half_solve(&none, &mut workspace).status, ReachStatus::Ok);
+    assert_eq!(workspace.gram_into(1.0, &mut DMatrix::zeros(0, 0)), ReachStatus::Ok);
+
+    let mut x = vec![1.0; 3 * body.free_nodes()];
+    assert!(factor.correct(&[], &mut x, &mut workspace).is_ok());
+    assert!(x.iter().all(|&v| v == 0.0), "no row, no correction");
+}
+
+#[test]
+fn half_solves_are_not_mixed_with_another_factor() {
+    let body = Body::block([4, 4, 3], 1);
+    let mut factor = factored(&body, &body.system(2));
+    let mut workspace = ReachWorkspace::new(factor.symbolic(), 9);
+    let rows = body.contact_rows(3, 1);
+    assert_eq!(factor.half_solve(&rows, &mut workspace).status, ReachStatus::Ok);
+    factor.refactor(&body.system(3));
+    let mut x = vec![0.0; 3 * body.free_nodes()];
+    assert_eq!(factor.correct(&[0.0; 9], &mut x, &mut workspace), SolveStatus::OtherFactor);
+
+    let other = Body::block([5, 4, 3], 1);
+    let stranger = factored(&other, &other.system(2));
+    assert_eq!(stranger.half_solve(&rows, &mut workspace).status, ReachStatus::WrongSize);
+    let mut y = vec![0.0; 3 * other.free_nodes()];
+    assert_eq!(stranger.solve(&mut y, &mut SolveWorkspace::new(factor.symbolic())), SolveStatus::WrongSize);
+    assert_eq!(factor.refactor(&other.system(2)).status, FactorStatus::OtherPattern);
+    assert!(factor.is_valid(), "a matrix of another body leaves the factor as it was");
+}
