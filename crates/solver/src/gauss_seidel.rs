@@ -27,8 +27,9 @@ use nalgebra::Vector3;
 use palpate_constraints::law::LocalCompliance;
 use serde::{Deserialize, Serialize};
 
-/// Sweeps after which the running sum `delta` is formed anew. Each sweep adds rounding of about
-/// `eps |W| |change of lambda|`, so that eight leave it below 1e-14 of the gaps' size.
+/// Age in sweeps from which the running gap is not trusted with accepting an answer. A sweep adds rounding of about
+/// `eps |W| |change of lambda|`, so that eight leave it near 1e-14 of the gaps' size; in a warm solve of a few sweeps
+/// forming it anew would cost as much as a sweep for nothing.
 const REFRESH_SWEEPS: u32 = 8;
 
 /// Order in which a sweep visits the blocks.
@@ -65,7 +66,7 @@ impl Default for GaussSeidelConfig {
     }
 }
 
-/// Memory of block Gauss-Seidel: `5 m` numbers and the local factors.
+/// Memory of block Gauss-Seidel: `2 m` numbers and the diagonal blocks.
 #[derive(Clone, Debug, Default)]
 pub struct GaussSeidelWorkspace {
     /// Gap of all rows at the current forces, m.
@@ -178,67 +179,75 @@ pub fn solve(
         ws.delta.copy_from_slice(view.delta_free);
         return SolveReport { residual: 0.0, worst_gap: 0.0, ..SolveReport::failed(SolveStatus::Solved, 0) };
     };
-
-    let mut current = residual(view, lambda, scale, ws);
-    let mut best = (current, 0);
-    let mut milestone = (current.relative, 0); // residual and sweep of the last fall by a hundredth
-    let mut refreshed = 0;
-    ws.best.clear();
-    ws.best.extend_from_slice(lambda);
-    let mut sweeps = 0;
-    let status = loop {
-        if !current.relative.is_finite() {
-            break SolveStatus::NotFinite;
-        }
-        if current.relative <= config.tolerance && sweeps - refreshed >= REFRESH_SWEEPS {
-            // Accept no rounding of the running sum.
-            view.gap(lambda, &mut ws.delta);
-            refreshed = sweeps;
-            current = residual(view, lambda, scale, ws);
-        }
-        if current.relative < best.0.relative || sweeps == 0 {
-            best = (current, sweeps);
-            ws.best.copy_from_slice(lambda);
-        }
-        if current.relative < 0.99 * milestone.0 {
-            milestone = (current.relative, sweeps);
-        }
-        if current.relative <= config.tolerance {
-            break SolveStatus::Solved;
-        }
-        if sweeps >= config.max_sweeps {
-            break SolveStatus::MaxIterations;
-        }
-        if sweeps - milestone.1 >= config.stall_sweeps.max(1) {
-            break SolveStatus::Stalled;
-        }
-        if sweeps - refreshed >= 4 * REFRESH_SWEEPS {
-            view.gap(lambda, &mut ws.delta);
-            refreshed = sweeps;
-        }
-        let backward = config.order == SweepOrder::Symmetric && sweeps % 2 == 1;
-        sweep(view, lambda, config.relaxation, backward, ws);
-        sweeps += 1;
-        current = residual(view, lambda, scale, ws);
-    };
+    let (status, sweeps, best) = iterate(view, lambda, scale, config, ws);
     if status == SolveStatus::NotFinite {
         lambda.fill(0.0);
         ws.delta.clear();
-        return SolveReport {
-            worst_block: index(current.worst_block),
-            ..SolveReport::failed(SolveStatus::NotFinite, sweeps)
-        };
+        return SolveReport { worst_block: index(best.residual.worst_block), ..SolveReport::failed(status, sweeps) };
     }
-    if best.1 != sweeps {
+    if best.sweep != sweeps {
         lambda.copy_from_slice(&ws.best);
         view.gap(lambda, &mut ws.delta);
     }
     SolveReport {
         status,
         iterations: sweeps,
-        residual: best.0.relative,
-        worst_block: index(best.0.worst_block),
-        worst_gap: best.0.worst_gap,
+        residual: best.residual.relative,
+        worst_block: index(best.residual.worst_block),
+        worst_gap: best.residual.worst_gap,
+    }
+}
+
+/// A residual and the sweep after which it was found.
+#[derive(Clone, Copy)]
+struct Mark {
+    residual: Residual,
+    sweep: u32,
+}
+
+/// Sweeps until one of the ends; the best forces are in `ws.best`. For [`SolveStatus::NotFinite`] the mark is the last.
+fn iterate(
+    view: &ProblemView<'_>,
+    lambda: &mut [f64],
+    scale: f64,
+    config: &GaussSeidelConfig,
+    ws: &mut GaussSeidelWorkspace,
+) -> (SolveStatus, u32, Mark) {
+    let mut now = Mark { residual: residual(view, lambda, scale, ws), sweep: 0 };
+    let (mut best, mut milestone, mut refreshed) = (now, now, 0);
+    ws.best.clear();
+    ws.best.extend_from_slice(lambda);
+    loop {
+        // The running gap gathers rounding: form it anew now and then, and before an answer is accepted.
+        let age = now.sweep - refreshed;
+        let accepting = now.residual.relative <= config.tolerance;
+        if age >= 4 * REFRESH_SWEEPS || (accepting && age >= REFRESH_SWEEPS) {
+            view.gap(lambda, &mut ws.delta);
+            refreshed = now.sweep;
+            now.residual = residual(view, lambda, scale, ws);
+        }
+        if !now.residual.relative.is_finite() {
+            return (SolveStatus::NotFinite, now.sweep, now);
+        }
+        if now.residual.relative < best.residual.relative {
+            best = now;
+            ws.best.copy_from_slice(lambda);
+        }
+        if now.residual.relative < 0.99 * milestone.residual.relative {
+            milestone = now;
+        }
+        if now.residual.relative <= config.tolerance {
+            return (SolveStatus::Solved, now.sweep, best);
+        }
+        if now.sweep >= config.max_sweeps {
+            return (SolveStatus::MaxIterations, now.sweep, best);
+        }
+        if now.sweep - milestone.sweep >= config.stall_sweeps.max(1) {
+            return (SolveStatus::Stalled, now.sweep, best);
+        }
+        let backward = config.order == SweepOrder::Symmetric && now.sweep % 2 == 1;
+        sweep(view, lambda, config.relaxation, backward, ws);
+        now = Mark { residual: residual(view, lambda, scale, ws), sweep: now.sweep + 1 };
     }
 }
 

@@ -93,7 +93,8 @@ impl ContactLaw for Coulomb {
         }
         let mu = self.friction;
         let tangential = force.yz().norm();
-        if force.x >= 0.0 && tangential <= mu * force.x {
+        // With room for the rounding of a sliding force, so that projecting it again changes no bit.
+        if force.x >= 0.0 && tangential <= mu * force.x * (1.0 + 4.0 * f64::EPSILON) {
             return *force;
         }
         if mu * tangential <= -force.x {
@@ -101,7 +102,9 @@ impl ContactLaw for Coulomb {
         }
         let lambda_n = ((force.x + mu * tangential) / (1.0 + mu * mu)).max(0.0);
         let shrink = if tangential > 0.0 { mu * lambda_n / tangential } else { 0.0 };
-        Vector3::new(lambda_n, shrink * force.y, shrink * force.z)
+        let surface = Vector3::new(lambda_n, shrink * force.y, shrink * force.z);
+        // The norm overflows beyond 1e154 N.
+        if is_finite(&surface) { surface } else { Vector3::zeros() }
     }
 
     #[inline]

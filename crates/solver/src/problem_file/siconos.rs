@@ -3,9 +3,9 @@
 //! Friction-contact: dimension (3), number of contacts, matrix, `q`, friction coefficient of each contact. Linear
 //! complementarity: size, matrix, `q`. `q` is our `delta_free`, the matrix our `W`. A matrix is a storage code, then
 //! * 0, dense: rows, columns, rows and columns again, entries column by column;
-//! * 1, sparse blocks: number of block rows, rows, columns, number of blocks, block rows, block columns, cumulated row
-//!   sizes, cumulated column sizes, lengths of the two index arrays, start of each block row, block column of each
-//!   block, then each block as its number and its entries column by column.
+//! * 1, sparse blocks: rows, columns, number of blocks, block rows, block columns, cumulated row sizes, cumulated column
+//!   sizes, lengths of the two index arrays, start of each block row, block column of each block, then each block as its
+//!   number and its entries column by column.
 //!
 //! What follows the last number needed is ignored: some files end with a solution. Values may be of any unit.
 
@@ -95,11 +95,11 @@ fn dense(words: &mut Words<'_>, rows: usize) -> Result<DMatrix<f64>, ProblemFile
 }
 
 fn sparse_blocks(words: &mut Words<'_>, rows: usize) -> Result<DMatrix<f64>, ProblemFileError> {
-    let block_rows = words.count("number of block rows")?;
     words.expect(rows, &format!("{rows} (rows of the matrix)"))?;
     words.expect(rows, &format!("{rows} (columns of the matrix)"))?;
     let blocks = words.count("number of blocks")?;
-    words.expect(block_rows, "the number of block rows, again")?;
+    words.reserve(blocks, "blocks")?;
+    let block_rows = words.count("number of block rows")?;
     let block_columns = words.count("number of block columns")?;
     let row_starts = starts(words, block_rows, rows)?;
     let column_starts = starts(words, block_columns, rows)?;
@@ -108,8 +108,8 @@ fn sparse_blocks(words: &mut Words<'_>, rows: usize) -> Result<DMatrix<f64>, Pro
     if filled_rows != block_rows + 1 {
         return Err(words.wrong(&format!("{} (block rows and one)", block_rows + 1), &filled_rows.to_string()));
     }
-    let first_block = indices(words, filled_rows, blocks)?;
-    let block_column = indices(words, blocks, block_columns.saturating_sub(1))?;
+    let first_block = indices(words, filled_rows, blocks + 1)?;
+    let block_column = indices(words, blocks, block_columns)?;
 
     let mut w = DMatrix::zeros(rows, rows);
     for row in 0..block_rows {
@@ -143,14 +143,14 @@ fn starts(words: &mut Words<'_>, blocks: usize, rows: usize) -> Result<Vec<usize
     }
 }
 
-/// An index array with entries up to `largest`; rising where it is the starts of block rows is checked by use.
-fn indices(words: &mut Words<'_>, length: usize, largest: usize) -> Result<Vec<usize>, ProblemFileError> {
+/// An index array with entries below `end`.
+fn indices(words: &mut Words<'_>, length: usize, end: usize) -> Result<Vec<usize>, ProblemFileError> {
     words.reserve(length, "index array")?;
     let mut indices = Vec::with_capacity(length);
     for _ in 0..length {
         let index = words.count("index")?;
-        if index > largest {
-            return Err(words.wrong(&format!("an index up to {largest}"), &index.to_string()));
+        if index >= end {
+            return Err(words.wrong(&format!("an index below {end}"), &index.to_string()));
         }
         indices.push(index);
     }

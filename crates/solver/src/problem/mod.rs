@@ -9,9 +9,16 @@
 //! when it changes that force. For the symmetric `W` of contact problems rows and columns are the same numbers; the few
 //! problems from elsewhere whose `W` is not symmetric (linear complementarity problems) are treated as they are written.
 
-use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector, Dyn, Matrix3, Vector3};
-use palpate_constraints::law::{Law, LawError};
+mod error;
+mod view;
+
+use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector, Dyn};
+use palpate_constraints::law::Law;
 use serde::{Deserialize, Serialize};
+
+pub use error::ProblemError;
+pub use view::ProblemView;
+pub(crate) use view::{gather, scatter};
 
 /// Largest asymmetry that [`ConstraintProblem::validate`] accepts, relative to `sqrt(W_ii W_jj)`. A compliance from a
 /// factor is symmetric to 1e-12; a wrong sign or a missing row shows at order one.
@@ -25,209 +32,6 @@ pub struct Block {
     pub start: usize,
     /// The law of the rows.
     pub law: Law,
-}
-
-/// A contact problem that somebody else owns. Sizes are checked by [`ProblemView::is_consistent`] only, not by
-/// construction: solvers check before they start.
-#[derive(Clone, Copy, Debug)]
-pub struct ProblemView<'a> {
-    /// `W` by columns, m/N: `W_ij = compliance[j * stride + i]`.
-    pub compliance: &'a [f64],
-    /// Distance between the starts of two columns, `>= rows`.
-    pub stride: usize,
-    /// Gaps without contact forces, m.
-    pub delta_free: &'a [f64],
-    /// Blocks in the order of their rows, without holes.
-    pub blocks: &'a [Block],
-}
-
-impl<'a> ProblemView<'a> {
-    /// Number of rows `m`.
-    #[inline]
-    #[must_use]
-    pub fn rows(&self) -> usize {
-        self.delta_free.len()
-    }
-
-    /// Whether the sizes agree and the blocks tile the rows. O(number of blocks).
-    #[must_use]
-    pub fn is_consistent(&self) -> bool {
-        let rows = self.rows();
-        let needed = match rows.checked_sub(1) {
-            None => Some(0),
-            Some(last) => last.checked_mul(self.stride).and_then(|start| start.checked_add(rows)),
-        };
-        let mut next = 0;
-        let tiled = self.blocks.iter().all(|block| {
-            let fits = block.start == next && (1..=3).contains(&block.law.rows());
-            next = block.start.saturating_add(block.law.rows());
-            fits
-        });
-        tiled && next == rows && self.stride >= rows && needed.is_some_and(|needed| self.compliance.len() >= needed)
-    }
-
-    /// Column `j` of `W`; empty where it lies outside the problem.
-    #[inline]
-    #[must_use]
-    pub fn column(&self, j: usize) -> &'a [f64] {
-        self.compliance.get(j * self.stride..).and_then(|tail| tail.get(..self.rows())).unwrap_or(&[])
-    }
-
-    /// The diagonal block of `W`, padded with zeros.
-    #[inline]
-    #[must_use]
-    pub fn diagonal_block(&self, block: &Block) -> Matrix3<f64> {
-        let rows = block.law.rows().min(3);
-        let mut diagonal = Matrix3::zeros();
-        for j in 0..rows {
-            let column = self.column(block.start + j);
-            for i in 0..rows {
-                diagonal[(i, j)] = column.get(block.start + i).copied().unwrap_or(0.0);
-            }
-        }
-        diagonal
-    }
-
-    /// `delta = W lambda + delta_free`. Columns with zero force are skipped. Does nothing where the lengths of `lambda`
-    /// and `delta` are not the number of rows.
-    pub fn gap(&self, lambda: &[f64], delta: &mut [f64]) {
-        if lambda.len() != self.rows() || delta.len() != self.rows() {
-            return;
-        }
-        delta.copy_from_slice(self.delta_free);
-        for (j, &force) in lambda.iter().enumerate() {
-            if force != 0.0 {
-                for (gap, w) in delta.iter_mut().zip(self.column(j)) {
-                    *gap += w * force;
-                }
-            }
-        }
-    }
-}
-
-/// The entries of a block in a long vector, padded with zeros.
-#[inline]
-pub(crate) fn gather(long: &[f64], block: &Block) -> Vector3<f64> {
-    match long.get(block.start..).unwrap_or(&[]) {
-        [x, y, z, ..] if block.law.rows() == 3 => Vector3::new(*x, *y, *z),
-        [x, y, ..] if block.law.rows() == 2 => Vector3::new(*x, *y, 0.0),
-        [x, ..] => Vector3::new(*x, 0.0, 0.0),
-        [] => Vector3::zeros(),
-    }
-}
-
-/// Writes the entries of a block into a long vector.
-#[inline]
-pub(crate) fn scatter(local: &Vector3<f64>, block: &Block, long: &mut [f64]) {
-    let rows = block.law.rows();
-    for (i, entry) in long.iter_mut().skip(block.start).take(rows.min(3)).enumerate() {
-        *entry = local[i];
-    }
-}
-
-/// A mistake in a problem. Rows and blocks count from zero.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ProblemError {
-    /// More rows than the capacity stated at set-up.
-    #[error("{rows} rows do not fit the capacity of {capacity}; reserve more at set-up or keep the deepest contacts")]
-    CapacityExceeded {
-        /// Rows asked for.
-        rows: usize,
-        /// Rows there is room for.
-        capacity: usize,
-    },
-    /// `W` is not square, or not as long as `delta_free`.
-    #[error("W is {w_rows} x {w_columns} but delta_free has {rows} rows; they must agree")]
-    WrongSize {
-        /// Rows of `W`.
-        w_rows: usize,
-        /// Columns of `W`.
-        w_columns: usize,
-        /// Rows of `delta_free`.
-        rows: usize,
-    },
-    /// Blocks do not tile the rows.
-    #[error(
-        "block {block} (`{law}`) covers rows {start}..{end} where the next free row is {expected} of {rows}; \
-         blocks must follow one another without holes"
-    )]
-    WrongBlock {
-        /// The block.
-        block: usize,
-        /// Register name of its law.
-        law: &'static str,
-        /// Its first row.
-        start: usize,
-        /// One past its last row.
-        end: usize,
-        /// Where it should start.
-        expected: usize,
-        /// Rows of the problem.
-        rows: usize,
-    },
-    /// Rows without a block.
-    #[error("rows {first}..{rows} belong to no block; give each row a law")]
-    RowsWithoutLaw {
-        /// First row without a block.
-        first: usize,
-        /// Rows of the problem.
-        rows: usize,
-    },
-    /// A law's parameter is outside its range.
-    #[error("block {block} (rows from {row}): {source}")]
-    Law {
-        /// The block.
-        block: usize,
-        /// Its first row.
-        row: usize,
-        /// What is wrong.
-        source: LawError,
-    },
-    /// A gap is not a number.
-    #[error("delta_free[{row}] = {value} is not finite; look for the body whose state is not finite")]
-    NonFiniteGap {
-        /// The row.
-        row: usize,
-        /// The value.
-        value: f64,
-    },
-    /// A compliance is not a number.
-    #[error("W[{row}, {column}] = {value} is not finite; look for a singular system matrix")]
-    NonFiniteCompliance {
-        /// The row.
-        row: usize,
-        /// The column.
-        column: usize,
-        /// The value.
-        value: f64,
-    },
-    /// A row would move against its force.
-    #[error("W[{row}, {row}] = {value} m/N is negative: the system matrix is not positive definite")]
-    NegativeDiagonal {
-        /// The row.
-        row: usize,
-        /// The value.
-        value: f64,
-    },
-    /// `W` is not symmetric.
-    #[error(
-        "W[{row}, {column}] = {value} but W[{column}, {row}] = {transposed}: the asymmetry is {asymmetry:.1e}, \
-         more than {tolerance:.1e}; W = h^2 H A^-1 H^T is symmetric"
-    )]
-    NotSymmetric {
-        /// The row.
-        row: usize,
-        /// The column.
-        column: usize,
-        /// `W_ij`, m/N.
-        value: f64,
-        /// `W_ji`, m/N.
-        transposed: f64,
-        /// Their difference relative to `sqrt(W_ii W_jj)`.
-        asymmetry: f64,
-        /// What would have been accepted.
-        tolerance: f64,
-    },
 }
 
 /// A contact problem that owns its numbers and can be refilled without allocating.

@@ -1,0 +1,65 @@
+//! Once problem and workspace exist, filling and solving allocate nothing.
+
+mod half_space;
+
+use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
+use palpate_constraints::law::{Coulomb, Signorini};
+use palpate_solver::gauss_seidel::{self, GaussSeidelConfig, SweepOrder};
+use palpate_solver::problem::ConstraintProblem;
+use palpate_solver::report::SolveStatus;
+use palpate_solver::residual;
+use palpate_solver::solver::{Solver, SolverWorkspace};
+
+#[global_allocator]
+static ALLOCATOR: AllocDisabler = AllocDisabler;
+
+/// One test: the counter belongs to the thread, the message to the process.
+#[test]
+fn filling_and_solving_allocate_nothing() {
+    let source = half_space::pressed_sphere(30, 0.5, 2e-3, 1.5e-3);
+    let mut problem = ConstraintProblem::with_capacity(90);
+    let configs = [
+        GaussSeidelConfig::default(),
+        GaussSeidelConfig { max_sweeps: 3, order: SweepOrder::Symmetric, relaxation: 0.8, ..Default::default() },
+    ];
+    let mut lambda = vec![0.0; 90];
+    let mut scratch = vec![0.0; 90];
+
+    // The guard works: it sees an allocation.
+    assert_no_alloc(|| drop(std::hint::black_box(vec![0_u8; 64])));
+    assert!(violation_count() > 0);
+    reset_violation_count();
+
+    for config in configs {
+        let solver = Solver::GaussSeidel(config);
+        let mut ws: SolverWorkspace = solver.workspace(90);
+        let (mut solved, mut swept) = (0, 0);
+        assert_no_alloc(|| {
+            for contacts in [1_usize, 30, 7, 30, 0, 12] {
+                let rows = 3 * contacts;
+                assert!(problem.reset(rows).is_ok());
+                problem.compliance_mut().copy_from(&source.compliance().view((0, 0), (rows, rows)));
+                problem.delta_free_mut().copy_from_slice(&source.delta_free()[..rows]);
+                for _ in 0..contacts {
+                    problem.push_block(Coulomb { friction: 0.5 }.into());
+                }
+                lambda.fill(0.0);
+                let report = solver.solve(&problem.view(), &mut lambda[..rows], &mut ws);
+                solved += usize::from(report.status == SolveStatus::Solved);
+                let judged = residual::evaluate(&problem.view(), &lambda[..rows], &mut scratch[..rows]);
+                swept += usize::from(judged.relative.is_finite());
+            }
+            // Past the capacity: a report, and still no memory.
+            assert!(problem.reset(91).is_err());
+            assert!(problem.reset(1).is_ok());
+            problem.push_block(Signorini.into());
+            let SolverWorkspace::GaussSeidel(ws) = &mut ws;
+            assert!(gauss_seidel::prepare(&problem.view(), &mut lambda[..1], ws).is_ok());
+            assert!(gauss_seidel::sweep(&problem.view(), &mut lambda[..1], 1.0, false, ws));
+        });
+        assert_eq!(violation_count(), 0);
+        assert_eq!(swept, 6);
+        // Three damped sweeps solve the empty problem only.
+        assert_eq!(solved, if config.max_sweeps == 3 { 1 } else { 6 });
+    }
+}
