@@ -6,6 +6,8 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use rayon::ThreadPool;
+
 use crate::engine::Engine;
 use crate::gathering::Gathering;
 use crate::run::{Length, Observer, Progress, RunError, RunOptions, RunOutcome};
@@ -18,11 +20,11 @@ const PROGRESS_EVERY: u64 = 250;
 
 pub(crate) fn run(
     mut engine: Engine<'_>,
+    pool: &ThreadPool,
     options: &RunOptions,
     stop: &AtomicBool,
     observer: &mut dyn Observer,
 ) -> Result<RunOutcome, RunError> {
-    let pool = crate::engine::workers(options.threads)?;
     let mut gathering = Gathering::new();
     // Inside the pool the parallel loops of the step find their workers without a queue that allocates.
     let end = pool.install(|| beat(&mut engine, options, stop, observer, &mut gathering));

@@ -6,6 +6,8 @@ use std::time::{Duration, Instant};
 use palpate_haptics::exchange::{Receiver, Sender, every};
 use thread_priority::{RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy};
 
+use rayon::ThreadPool;
+
 use crate::engine::{Engine, StepStage};
 use crate::gathering::Gathering;
 use crate::pace::Pacer;
@@ -28,11 +30,11 @@ const PRIORITY_REMEDY: &str = "the tick thread runs without real-time priority; 
 
 pub(crate) fn run(
     engine: Engine<'_>,
+    pool: &ThreadPool,
     options: &RunOptions,
     stop: &AtomicBool,
     observer: &mut dyn Observer,
 ) -> Result<RunOutcome, RunError> {
-    let pool = crate::engine::workers(options.threads)?;
     let world = engine.world;
     let rates = world.description().rates;
     let seconds = options.length.seconds(world.dt());
@@ -53,7 +55,7 @@ pub(crate) fn run(
     let outcome = std::thread::scope(|scope| -> std::io::Result<RunEnd> {
         let spawn = |name: &str| std::thread::Builder::new().name(name.into());
         let (stage, refresh, ticker, refresh_trace) = (&mut stage, &mut refresh, &mut ticker, &mut refresh_trace);
-        let (end_all, granted, pool) = (&end_all, &granted, &pool);
+        let (end_all, granted, pool) = (&end_all, &granted, pool);
         let spawned = spawn("palpate-tick")
             .spawn_scoped(scope, move || {
                 granted.store(raise_priority(), Ordering::Relaxed);

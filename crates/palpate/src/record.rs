@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::Isometry3;
 use palpate_collision::shape::ToolShape;
 use palpate_fem::factor::FactorStatus;
 use palpate_fem::model::FemState;
@@ -94,6 +94,7 @@ fn config(world: &World, options: &RunOptions) -> TraceConfig {
         ("version".to_string(), env!("CARGO_PKG_VERSION").to_string()),
         ("scene".into(), scene.name.clone()),
         ("embedded".into(), world.scene().is_embedded().to_string()),
+        ("folder".into(), world.scene().folder().display().to_string()),
         ("mode".into(), if options.lockstep { "lockstep" } else { "real time" }.into()),
         ("seconds".into(), format!("{length:?}")),
         ("step_rate_hz".into(), format!("{:?}", scene.rates.step)),
@@ -244,13 +245,4 @@ impl FactorLine {
             },
         });
     }
-}
-
-/// A pose from the fields of a record.
-pub(crate) fn pose(position: [f64; 3], orientation: [f64; 4]) -> Isometry3<f64> {
-    let [x, y, z, w] = orientation;
-    Isometry3::from_parts(
-        Translation3::from(position),
-        UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z)),
-    )
 }

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use palpate_fem::model::FemState;
 
-use crate::engine::Engine;
+use crate::engine::{Engine, workers};
 use crate::step::StepReport;
 use crate::summary::RunSummary;
 use crate::tick::TickReport;
@@ -116,10 +116,12 @@ pub fn run(
     stop: &AtomicBool,
     observer: &mut dyn Observer,
 ) -> Result<RunOutcome, RunError> {
-    let engine = Engine::new(world, options)?;
+    let pool = workers(options.threads)?;
+    // Made inside the pool: the workspace of the assembly is laid out for its number of threads.
+    let engine = pool.install(|| Engine::new(world, options))?;
     if options.lockstep {
-        crate::lockstep::run(engine, options, stop, observer)
+        crate::lockstep::run(engine, &pool, options, stop, observer)
     } else {
-        crate::realtime::run(engine, options, stop, observer)
+        crate::realtime::run(engine, &pool, options, stop, observer)
     }
 }

@@ -11,7 +11,7 @@ use palpate::run::{Length, Observer, Progress, RunOptions, run as run_scene};
 use palpate::scene::Scene;
 use palpate::step::StepReport;
 use palpate::summary::{RunEnd, RunSummary};
-use palpate::tick::TickRecord;
+use palpate::tick::TickReport;
 
 use crate::arguments::RunArguments;
 use crate::picture::{self, Curves};
@@ -24,7 +24,7 @@ const BODY_FAILED: u8 = 3;
 pub(crate) fn run(arguments: &RunArguments) -> Result<ExitCode> {
     let mut scene = Scene::open(&arguments.scene).map_err(super::report)?;
     if let Some(mesh) = &arguments.mesh {
-        scene.use_mesh(mesh, arguments.scale.unwrap_or(1.0));
+        scene.use_mesh(mesh, arguments.scale.unwrap_or(1.0)).map_err(super::report)?;
     }
     if let Some(cell) = arguments.cell {
         scene.use_cell(cell).map_err(super::report)?;
@@ -128,8 +128,8 @@ impl Observer for Watcher {
         }
     }
 
-    fn tick(&mut self, record: &TickRecord) {
-        self.curves.force.push((record.time, record.wrench.force.norm()));
+    fn tick(&mut self, report: &TickReport) {
+        self.curves.force.push((report.record.time, report.record.wrench.force.norm()));
     }
 }
 

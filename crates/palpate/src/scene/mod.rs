@@ -131,6 +131,14 @@ impl Scene {
         self.files == Files::Embedded
     }
 
+    /// Where the files of the scene are looked for; empty for a bundled scene.
+    pub(crate) fn folder(&self) -> PathBuf {
+        match &self.files {
+            Files::Folder(folder) => std::path::absolute(folder).unwrap_or_else(|_| folder.clone()),
+            Files::Embedded => PathBuf::new(),
+        }
+    }
+
     /// Takes the body's tetrahedra from another file.
     ///
     /// # Errors
@@ -138,7 +146,8 @@ impl Scene {
     pub fn use_mesh(&mut self, path: &Path, scale: f64) -> Result<(), SceneError> {
         let path = std::path::absolute(path).unwrap_or_else(|_| path.into());
         let body = &mut self.description.bodies[0];
-        (body.mesh, body.image, body.cell, body.scale) = (Some(path.display().to_string()), None, None, scale);
+        (body.mesh, body.image, body.block, body.cell) = (Some(path.display().to_string()), None, None, None);
+        body.scale = scale;
         self.rewrite()
     }
 
