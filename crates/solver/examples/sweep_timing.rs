@@ -26,12 +26,21 @@ fn best_of(runs: usize, mut run: impl FnMut()) -> f64 {
 
 fn main() {
     println!(
-        "{:>8} {:>9} {:>10} {:>9} {:>20} {:>20} {:>20}",
-        "contacts", "sweep us", "prepare us", "check us", "cold 1e-3 (n, us)", "cold 1e-6 (n, us)", "warm 1e-3 (n, us)"
+        "{:>8} {:>6} {:>9} {:>10} {:>9} {:>20} {:>20} {:>20}",
+        "contacts",
+        "closed",
+        "sweep us",
+        "prepare us",
+        "check us",
+        "cold 1e-3 (n, us)",
+        "cold 1e-6 (n, us)",
+        "warm 1e-3 (n, us)"
     );
-    for contacts in [10, 30, 60, 150] {
-        let problem = half_space::pressed_sphere(contacts, FRICTION, 2e-3, 1.5e-3);
-        let next = half_space::pressed_sphere(contacts, FRICTION, 2.02e-3, 1.55e-3);
+    // Most contacts sliding and a quarter open, then all closed and most sticking.
+    let cases = [2e-3, 8e-3].into_iter().flat_map(|depth| [10, 30, 60, 150].map(|contacts| (contacts, depth)));
+    for (contacts, depth) in cases {
+        let problem = half_space::pressed_sphere(contacts, FRICTION, depth, 1.5e-3);
+        let next = half_space::pressed_sphere(contacts, FRICTION, depth + 2e-5, 1.55e-3);
         let view = problem.view();
         let mut ws = GaussSeidelWorkspace::with_capacity(problem.rows());
         let mut lambda = vec![0.0; problem.rows()];
@@ -67,6 +76,7 @@ fn main() {
             report.map_or_else(String::new, |r| format!("{} {time:.1} {:.0e}", r.iterations, r.residual))
         };
         let (cold3, cold6, warm) = (solve(1e-3, false), solve(1e-6, false), solve(1e-3, true));
+        let closed = lambda.iter().step_by(3).filter(|normal| **normal > 0.0).count();
         let _ = gauss_seidel::prepare(&view, &mut lambda, &mut ws);
         let prepare = best_of(50, || {
             let _ = gauss_seidel::prepare(&view, &mut lambda, &mut ws);
@@ -74,6 +84,8 @@ fn main() {
         let check = best_of(50, || {
             black_box(gauss_seidel::residual(&view, &lambda, scale, &ws));
         });
-        println!("{contacts:>8} {sweep:>9.2} {prepare:>10.2} {check:>9.2} {cold3:>20} {cold6:>20} {warm:>20}");
+        println!(
+            "{contacts:>8} {closed:>6} {sweep:>9.2} {prepare:>10.2} {check:>9.2} {cold3:>20} {cold6:>20} {warm:>20}"
+        );
     }
 }

@@ -129,10 +129,10 @@ pub fn read(reader: impl Read) -> Result<ConstraintProblem, ProblemFileError> {
     Ok(problem)
 }
 
-/// [`write`] to a file.
+/// [`write()`] to a file.
 ///
 /// # Errors
-/// As [`write`], and the file.
+/// As [`write()`], and the file.
 pub fn save(problem: &ConstraintProblem, path: &Path) -> Result<(), ProblemFileError> {
     let io = |source| ProblemFileError::Io { path: path.to_path_buf(), source };
     let mut writer = std::io::BufWriter::new(std::fs::File::create(path).map_err(io)?);
