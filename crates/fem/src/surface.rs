@@ -48,7 +48,7 @@ impl Surface {
         Surface { triangles, tetrahedra: boundary.iter().map(|&(t, _)| t).collect(), nodes }
     }
 
-    /// Twice the area of triangle `k` times its outward unit normal [m²], with the given positions of the mesh's nodes.
+    /// Twice the area of triangle `k` times its outward unit normal (m²), with the given positions of the mesh's nodes.
     ///
     /// # Panics
     /// If `k` or a node of the triangle is out of range.
@@ -57,12 +57,12 @@ impl Surface {
         (b - a).cross(&(c - a))
     }
 
-    /// Total area [m²] with the given positions of the mesh's nodes.
+    /// Total area (m²) with the given positions of the mesh's nodes.
     pub fn area(&self, positions: &[Vector3<f64>]) -> f64 {
         (0..self.triangles.len()).map(|k| 0.5 * self.area_vector(k, positions).norm()).sum()
     }
 
-    /// Volume enclosed by a closed surface [m³], by the divergence theorem: Σ x·n A / 3 over the triangles.
+    /// Volume enclosed by a closed surface (m³), by the divergence theorem: Σ x·n A / 3 over the triangles.
     ///
     /// Positions are taken relative to a node of the surface, which loses no digits far from the origin.
     pub fn enclosed_volume(&self, positions: &[Vector3<f64>]) -> f64 {

@@ -55,7 +55,7 @@ fn every_shared_mesh_loads_with_its_known_counts_and_volume() {
         assert!(surface.topology().closed, "{name}");
         let enclosed = surface.enclosed_volume(&file.mesh.nodes);
         assert!((enclosed / file.mesh.volume() - 1.0).abs() < 1e-11, "{name}: {enclosed}");
-        println!("{name}\n{}{:?}", file.quality, file.warnings);
+        eprintln!("{name}\n{}{:?}", file.quality, file.warnings);
     }
 }
 

@@ -92,12 +92,13 @@ impl<'a> Document<'a> {
                     }
                     sections.push(name);
                 }
-                Event::Empty(element) => {
-                    if matches!(element.name().0, "DataArray" | "Array") {
+                Event::Empty(element) => match element.name().0 {
+                    "DataArray" | "Array" => {
                         let array = self.array(&element, &sections, before)?;
                         self.arrays.push(array);
                     }
-                }
+                    name => self.enter(&element, name, before)?,
+                },
                 Event::End(_) => {
                     if let Some((mut array, start)) = open.take() {
                         // Numbers come first; VTK puts elements that describe them behind.
@@ -116,7 +117,8 @@ impl<'a> Document<'a> {
             return Ok(());
         }
         let at = self.at(self.bytes.len());
-        Err(MeshError::Syntax { at, what: "the file ends inside of its XML".to_string() })
+        let what = if sections.is_empty() { "the file has no Piece" } else { "the file ends inside of its XML" };
+        Err(MeshError::Syntax { at, what: what.to_string() })
     }
 
     fn attribute(&mut self, element: &BytesStart, name: &str, position: usize) -> Result<Option<String>, MeshError> {

@@ -122,7 +122,7 @@ fn check_duplicates(mesh: &TetMesh, from: &Provenance) -> Result<(), MeshError> 
     Err(MeshError::Duplicate { at: from.tetrahedron(tetrahedron), tetrahedron, earlier, duplicates: pairs.len() })
 }
 
-/// Whether a tetrahedron has volume at all, and its longest edge [m].
+/// Whether a tetrahedron has volume at all, and its longest edge (m).
 pub(crate) fn is_flat(x: &[Vector3<f64>; 4], volume: f64) -> (bool, f64) {
     let edge = longest_edge(x);
     // Not `<=`: a volume that overflowed to NaN or infinity is of no use either.

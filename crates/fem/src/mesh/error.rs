@@ -147,7 +147,7 @@ pub enum MeshError {
         at: At,
         /// The first.
         tetrahedron: usize,
-        /// Its volume [m³], negative.
+        /// Its volume (m³), negative.
         volume: f64,
         /// How many are inverted.
         inverted: usize,
@@ -166,9 +166,9 @@ pub enum MeshError {
         at: At,
         /// The first.
         tetrahedron: usize,
-        /// Its volume [m³].
+        /// Its volume (m³).
         volume: f64,
-        /// Its longest edge [m].
+        /// Its longest edge (m).
         edge: f64,
         /// How many are flat.
         flat: usize,
@@ -234,7 +234,7 @@ pub enum MeshError {
 pub enum MeshWarning {
     /// The mesh is metres wide: plainly in other units.
     Units {
-        /// Diagonal of the bounding box [m], if the file were in metres.
+        /// Diagonal of the bounding box (m), if the file were in metres.
         diagonal: f64,
         /// The factor that is likely meant: 0.001 for millimetres, 0.01 for centimetres.
         scale: f64,

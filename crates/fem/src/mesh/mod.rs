@@ -19,7 +19,7 @@ use crate::surface::Surface;
 /// A tetrahedral mesh in metres. Positive volume: `det(x1-x0, x2-x0, x3-x0) > 0` for every tetrahedron.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TetMesh {
-    /// Positions of the nodes [m].
+    /// Positions of the nodes (m).
     pub nodes: Vec<Vector3<f64>>,
     /// Four nodes per tetrahedron, counted from zero.
     pub tetrahedra: Vec<[u32; 4]>,
@@ -34,19 +34,19 @@ pub struct TetMesh {
 /// An axis-aligned box.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BoundingBox {
-    /// Smallest coordinates [m].
+    /// Smallest coordinates (m).
     pub min: Vector3<f64>,
-    /// Largest coordinates [m].
+    /// Largest coordinates (m).
     pub max: Vector3<f64>,
 }
 
 impl BoundingBox {
-    /// Distance between opposite corners [m].
+    /// Distance between opposite corners (m).
     pub fn diagonal(&self) -> f64 {
         (self.max - self.min).norm()
     }
 
-    /// The middle of the box [m].
+    /// The middle of the box (m).
     pub fn centre(&self) -> Vector3<f64> {
         (self.min + self.max) * 0.5
     }
@@ -79,7 +79,7 @@ impl TetMesh {
         Ok(self)
     }
 
-    /// Signed volume of tetrahedron `t` [m³].
+    /// Signed volume of tetrahedron `t` (m³).
     ///
     /// # Panics
     /// If `t` is out of range.
@@ -87,7 +87,7 @@ impl TetMesh {
         signed_volume(&corners(&self.nodes, self.tetrahedra[t]))
     }
 
-    /// Sum of the volumes of all tetrahedra [m³].
+    /// Sum of the volumes of all tetrahedra (m³).
     pub fn volume(&self) -> f64 {
         self.tetrahedra.iter().map(|&t| signed_volume(&corners(&self.nodes, t))).sum()
     }
@@ -177,7 +177,7 @@ pub(crate) fn corners(nodes: &[Vector3<f64>], t: [u32; 4]) -> [Vector3<f64>; 4] 
     t.map(|node| nodes[node as usize])
 }
 
-/// Volume of a tetrahedron [m³], positive if its fourth node sees the first three counter-clockwise from behind:
+/// Volume of a tetrahedron (m³), positive if its fourth node sees the first three counter-clockwise from behind:
 /// det(x1-x0, x2-x0, x3-x0) / 6.
 pub(crate) fn signed_volume(x: &[Vector3<f64>; 4]) -> f64 {
     Matrix3::from_columns(&[x[1] - x[0], x[2] - x[0], x[3] - x[0]]).determinant() / 6.0

@@ -12,7 +12,7 @@ use super::{BoundingBox, MeshWarning, TetMesh, corners, repeated, signed_volume}
 /// side, the typical sliver of a Delaunay mesh, have this ratio.
 pub const POOR_RADIUS_RATIO: f64 = 0.05;
 
-/// A body on which a hand works is not wider than this [m]; a wider one is plainly in other units than metres.
+/// A body on which a hand works is not wider than this (m); a wider one is plainly in other units than metres.
 pub const WIDEST_BODY: f64 = 3.0;
 
 /// What can be measured of a mesh, good or bad.
@@ -22,21 +22,21 @@ pub struct MeshQuality {
     pub nodes: usize,
     /// Tetrahedra.
     pub tetrahedra: usize,
-    /// Sum of the signed volumes [m³].
+    /// Sum of the signed volumes (m³).
     pub volume: f64,
-    /// Smallest and largest coordinates [m].
+    /// Smallest and largest coordinates (m).
     pub bounds: [[f64; 3]; 2],
     /// Boundary triangles.
     pub surface_triangles: usize,
     /// Boundary nodes.
     pub surface_nodes: usize,
-    /// Area of the boundary [m²].
+    /// Area of the boundary (m²).
     pub surface_area: f64,
     /// How the boundary hangs together.
     pub surface: crate::surface::SurfaceTopology,
     /// Parts that share no node.
     pub parts: usize,
-    /// Smallest, median and largest angle between two faces of a tetrahedron [degrees]; regular: 70.5.
+    /// Smallest, median and largest angle between two faces of a tetrahedron (degrees); regular: 70.5.
     pub dihedral: [f64; 3],
     /// Smallest and median of 3 r/R (inscribed over circumscribed radius); 1 is regular, 0 is flat.
     pub radius_ratio: [f64; 2],
@@ -46,7 +46,7 @@ pub struct MeshQuality {
     pub worst: u32,
     /// Tetrahedra with a radius ratio below [`POOR_RADIUS_RATIO`].
     pub poor: usize,
-    /// Shortest and longest edge [m].
+    /// Shortest and longest edge (m).
     pub edge: [f64; 2],
     /// Tetrahedra of negative volume.
     pub inverted: usize,
@@ -69,7 +69,7 @@ pub struct RegionQuality {
     pub name: String,
     /// Its tetrahedra.
     pub tetrahedra: usize,
-    /// Its volume [m³].
+    /// Its volume (m³).
     pub volume: f64,
 }
 
