@@ -1,1 +1,0 @@
-//! Isosurface stuffing: label images and closed surfaces to tetrahedra of guaranteed quality.
