@@ -4,7 +4,6 @@
 //! `K = -d f_int / d q`, `A = M + h C + h² K` [kg], and the unknown of a linear solve is a change of velocity.
 
 pub mod assembly;
-pub mod block;
 pub mod closed_surface;
 pub mod element;
 pub mod factor;

@@ -67,32 +67,67 @@ impl CutLattice {
         self.cuts[index as usize].point
     }
 
+    /// Outside vertices are warped first, and only towards inside vertices that are not violated themselves, as long
+    /// as there are any; what is then still violated lies inside, and moves out towards vertices that stay. So no
+    /// vertex moves towards one that moves, which would flatten the tetrahedra between them.
     fn warp(&mut self) {
-        // The vertices at the ends of cut edges, in lattice order.
-        let mut candidates: Vec<u32> = self.cuts.iter().flat_map(|c| [c.edge.0, c.edge.1]).collect();
-        candidates.sort_unstable();
-        candidates.dedup();
-        for vertex in candidates {
-            if let Some(point) = self.nearest_violation(vertex) {
-                self.signs[vertex as usize] = 0;
-                self.warped.push((vertex, point));
+        // The ends of cut edges, in lattice order.
+        let mut ends: Vec<u32> = self.cuts.iter().flat_map(|c| [c.edge.0, c.edge.1]).collect();
+        ends.sort_unstable();
+        ends.dedup();
+        let mut violated: Vec<bool> = ends.iter().map(|&v| self.nearest_violation(v, |_| true).is_some()).collect();
+        let place = |v: u32| ends.binary_search(&v).ok();
+        loop {
+            let mut moved = false;
+            for i in 0..ends.len() {
+                let vertex = ends[i];
+                if !violated[i] || self.signs[vertex as usize] >= 0 {
+                    continue;
+                }
+                let steady = |inside: u32| place(inside).is_none_or(|p| !violated[p]);
+                if let Some(point) = self.nearest_violation(vertex, steady) {
+                    self.move_to(vertex, point);
+                    violated[i] = false;
+                    moved = true;
+                    let around: Vec<u32> = neighbours(&self.lattice, vertex).map(|(_, v)| v).collect();
+                    for p in around.into_iter().filter_map(place) {
+                        violated[p] = violated[p] && self.nearest_violation(ends[p], |_| true).is_some();
+                    }
+                }
+            }
+            if !moved {
+                break;
             }
         }
+        for &vertex in &ends {
+            if self.signs[vertex as usize] > 0
+                && let Some(point) = self.nearest_violation(vertex, |_| true)
+            {
+                self.move_to(vertex, point);
+            }
+        }
+        self.warped.sort_unstable_by_key(|w| w.0);
         let signs = &self.signs;
         self.cuts.retain(|c| signs[c.edge.0 as usize] * signs[c.edge.1 as usize] < 0);
     }
 
-    /// The nearest cut point that violates a vertex. Edges whose other end was warped have lost theirs.
-    fn nearest_violation(&self, vertex: u32) -> Option<Vector3<f64>> {
+    fn move_to(&mut self, vertex: u32, point: Vector3<f64>) {
+        self.signs[vertex as usize] = 0;
+        self.warped.push((vertex, point));
+    }
+
+    /// The nearest cut point that violates a vertex, on an edge to a neighbour that `allowed` admits. Edges whose
+    /// other end was warped have lost theirs.
+    fn nearest_violation(&self, vertex: u32, allowed: impl Fn(u32) -> bool) -> Option<Vector3<f64>> {
         let mut nearest: Option<(f64, Vector3<f64>)> = None;
         for (n, neighbour) in neighbours(&self.lattice, vertex) {
-            if self.signs[vertex as usize] * self.signs[neighbour as usize] >= 0 {
+            if self.signs[vertex as usize] * self.signs[neighbour as usize] >= 0 || !allowed(neighbour) {
                 continue;
             }
             let Some(index) = self.cut_index(vertex, neighbour) else { continue };
             let cut = &self.cuts[index as usize];
             let fraction = if cut.edge.0 == vertex { cut.fraction } else { 1.0 - cut.fraction };
-            let (al, as_) = if std::env::var("AL").is_ok() { (0.21509, 0.35900) } else { (ALPHA_LONG, ALPHA_SHORT) }; let (alpha, length) = if n < 6 { (al, 1.0) } else { (as_, 0.75f64.sqrt()) };
+            let (alpha, length) = if n < 6 { (ALPHA_LONG, 1.0) } else { (ALPHA_SHORT, 0.75f64.sqrt()) };
             let distance = fraction * length;
             if fraction < alpha && nearest.is_none_or(|(d, _)| distance < d) {
                 nearest = Some((distance, cut.point));

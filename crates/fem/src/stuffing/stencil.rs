@@ -117,57 +117,5 @@ fn joins_first(cut: &CutLattice, a: u32, b: u32, m: u32) -> bool {
     // The cut point lies within b–m, and b–m and a differ by at least half an edge in every coordinate.
     let greater = (0..3).filter(|&i| 2 * pa[i] > pb[i] + pm[i]).count();
     let centres = pa[0] & 1 == 1;
-    match std::env::var("PAR").as_deref() { Ok("1") => (greater % 2 == 1) == centres, Ok("2") => greater % 2 == 1, Ok("3") => greater % 2 == 0, _ => (greater % 2 == 1) != centres }
-}
-#[cfg(test)]
-mod dbg {
-    use super::*;
-    use nalgebra::Vector3;
-    struct S(Vector3<f64>, f64);
-    impl crate::stuffing::LevelSet for S {
-        fn value(&self, p: &Vector3<f64>) -> f64 { self.1 - (p - self.0).norm() }
-        fn bounds(&self) -> [Vector3<f64>; 2] { [self.0.add_scalar(-self.1-0.3), self.0.add_scalar(self.1+0.3)] }
-    }
-    struct N(f64);
-    impl crate::stuffing::LevelSet for N {
-        fn value(&self, p: &Vector3<f64>) -> f64 { let p = p * 2.9; (p.x * 1.3 + self.0).sin() + (p.y * 1.7 - p.z * 0.9 + 2.0 * self.0).sin() + (p.z * 2.1 + p.x * 0.7 + 3.0 * self.0).sin() + ((p.x + p.y + p.z) * 2.7).sin() }
-        fn bounds(&self) -> [Vector3<f64>; 2] { [Vector3::repeat(-6.0), Vector3::repeat(6.0)] }
-    }
-    fn run(name: &str, s: &dyn crate::stuffing::LevelSet, worst: &mut (f64, f64, String)) {
-            let lattice = crate::stuffing::lattice::Lattice::around(s.bounds(), 1.0);
-            let cut = CutLattice::new(lattice, s);
-            let pos = |k: u32| if k >= cut.lattice.vertex_count() { cut.cut_position(k - cut.lattice.vertex_count()) } else { cut.vertex_position(k) };
-            cut.lattice.for_each_tetrahedron(|t| {
-                let mut v = vec![];
-                clip_one(&cut, t, &mut v);
-                for q in &v {
-                    let p = q.map(pos);
-                    let m = crate::stuffing::MeshQuality::of(&p, &[[0, 1, 2, 3]]);
-                    worst.1 = worst.1.max(m.largest_dihedral.to_degrees());
-                    if m.smallest_dihedral.to_degrees() < worst.0 { worst.0 = m.smallest_dihedral.to_degrees();
-                        worst.2 = format!("{name} {:?} {:?} {:.2} {:.2} moved {:?}", t.map(|v| cut.signs[v as usize]), q.map(|k| if k >= cut.lattice.vertex_count() { 'c' } else { 'v' }), m.smallest_dihedral.to_degrees(), m.largest_dihedral.to_degrees(), t.map(|v| (cut.lattice.coordinates(v), ((cut.vertex_position(v) - cut.lattice.position(v))*2e2).map(|x| x.round()/1e2).as_slice().to_vec(), s.value(&cut.lattice.position(v)))));
-                    }
-                }
-            });
-    }
-    #[test]
-    fn dbg() {
-        let mut w = (180.0, 0.0, String::new());
-        for n in 0..400 {
-            let x = n as f64;
-            let centre = Vector3::new((x * 0.731).fract(), (x * 0.417).fract(), (x * 0.593).fract());
-            run("sphere", &S(centre, 1.3 + 2.0 * (x * 0.177).fract()), &mut w);
-        }
-        println!("lat {w:?}");
-        let mut w = (180.0, 0.0, String::new());
-        for n in 0..60 {
-            let x = n as f64;
-            let centre = Vector3::new((x * 0.731).fract(), (x * 0.417).fract(), (x * 0.593).fract());
-            run("big sphere", &S(centre, 8.3 + 2.0 * (x * 0.177).fract()), &mut w);
-        }
-        println!("lat {w:?}");
-        let mut w = (180.0, 0.0, String::new());
-        for n in 0..30 { run("noise", &N(n as f64), &mut w); }
-        println!("lat {w:?}");
-    }
+    (greater % 2 == 1) != centres
 }
