@@ -1,9 +1,23 @@
 //! The 1 kHz side: devices, the virtual hand, coupling, limits, the local contact problem and the tick.
+//!
+//! SI units, right-handed frames, world axes. A wrench is *on the hand*. Set-up returns [`SetupError`]; once running
+//! nothing returns an error or panics: each tick fills a [`record::TickRecord`], and whatever is wrong ends in less
+//! force, never in more.
+
+#![cfg_attr(rtsan, feature(sanitize))]
 
 pub mod coupling;
 pub mod device;
+pub mod error;
 pub mod exchange;
 pub mod hand;
 pub mod limits;
+pub mod record;
+pub mod run;
+pub mod script;
 pub mod snapshot;
 pub mod tick;
+mod warm_start;
+pub mod wrench;
+
+pub use error::SetupError;

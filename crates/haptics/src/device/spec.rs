@@ -1,0 +1,171 @@
+//! What a device can do: the record that CHAI3D keeps of each, in SI units.
+//!
+//! The limits of force and the default coupling are taken from here, so that a scene runs on another device without a
+//! change. The table of presets is CHAI3D's own (BSD-3, `cHapticDeviceInfo` of each driver, version 3.2): "maximum
+//! closed-loop stiffness" and "damping" are its authors' figures for a loop at 1 kHz, not vendor data. A torque limit
+//! of 0 means that the record names none, and then no torque is sent.
+
+use serde::{Deserialize, Serialize};
+
+use crate::SetupError;
+use crate::error::{non_negative, positive};
+
+/// Which motions a device senses and drives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Freedoms {
+    /// Position is measured.
+    pub senses_position: bool,
+    /// Orientation is measured.
+    pub senses_rotation: bool,
+    /// Forces are rendered.
+    pub drives_force: bool,
+    /// Torques are rendered.
+    pub drives_torque: bool,
+    /// There is a gripper.
+    pub gripper: bool,
+}
+
+/// The record of a device.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DeviceSpec {
+    /// Name for listings and records.
+    pub name: String,
+    /// Largest force \[N\], > 0.
+    pub max_force: f64,
+    /// Largest torque \[N m\], ≥ 0; 0: none is sent.
+    pub max_torque: f64,
+    /// Largest closed-loop stiffness at `rate` \[N/m\], > 0.
+    pub max_stiffness: f64,
+    /// Largest closed-loop damping at `rate` \[N s/m\], ≥ 0.
+    pub max_damping: f64,
+    /// Radius of the workspace \[m\], > 0.
+    pub workspace_radius: f64,
+    /// Smallest change of position that is measured \[m\], where it is known.
+    pub resolution: Option<f64>,
+    /// Rate that the figures hold for \[Hz\], > 0.
+    pub rate: f64,
+    /// Which motions are sensed and driven.
+    pub freedoms: Freedoms,
+}
+
+/// Largest stiffness that the virtual device renders with nobody holding it, with 2 N s/m of coupling damping, one
+/// tick of delay and no friction \[N/m\]: 1439 by the eigenvalues of the sampled loop, rounded down.
+const VIRTUAL_MAX_STIFFNESS: f64 = 1400.0;
+
+impl DeviceSpec {
+    /// The record of the virtual device with this encoder step \[m\].
+    #[must_use]
+    pub fn virtual_device(encoder_step: f64) -> Self {
+        Self {
+            name: "virtual".to_owned(),
+            max_force: 12.0,
+            max_torque: 0.0,
+            max_stiffness: VIRTUAL_MAX_STIFFNESS,
+            max_damping: 5.0,
+            workspace_radius: 0.15,
+            resolution: (encoder_step > 0.0).then_some(encoder_step),
+            rate: 1000.0,
+            freedoms: POSITION_ONLY,
+        }
+    }
+
+    /// The record of a real device in [`DEVICE_PRESETS`].
+    ///
+    /// # Errors
+    /// A name that the table does not hold.
+    pub fn preset(name: &str) -> Result<Self, SetupError> {
+        DEVICE_PRESETS.iter().find(|preset| preset.name == name).map(DevicePreset::spec).ok_or_else(|| {
+            let known: Vec<_> = DEVICE_PRESETS.iter().map(|preset| preset.name).collect();
+            SetupError::UnknownName { kind: "device record", name: name.to_owned(), known: known.join(", ") }
+        })
+    }
+
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// A number that is negative, zero where it must not be, or not finite.
+    pub fn validate(&self) -> Result<(), SetupError> {
+        positive("device maximum force [N]", self.max_force)?;
+        non_negative("device maximum torque [N m]", self.max_torque)?;
+        positive("device maximum stiffness [N/m]", self.max_stiffness)?;
+        non_negative("device maximum damping [N s/m]", self.max_damping)?;
+        positive("device workspace radius [m]", self.workspace_radius)?;
+        positive("device rate [Hz]", self.rate)?;
+        self.resolution.map_or(Ok(()), |step| positive("device resolution [m]", step))
+    }
+}
+
+/// One row of CHAI3D's table.
+#[derive(Clone, Copy, Debug)]
+pub struct DevicePreset {
+    /// Name in scenes.
+    pub name: &'static str,
+    /// \[N\]
+    pub max_force: f64,
+    /// \[N m\]
+    pub max_torque: f64,
+    /// \[N/m\]
+    pub max_stiffness: f64,
+    /// \[N s/m\]
+    pub max_damping: f64,
+    /// \[m\]
+    pub workspace_radius: f64,
+    /// Motions.
+    pub freedoms: Freedoms,
+}
+
+impl DevicePreset {
+    fn spec(&self) -> DeviceSpec {
+        DeviceSpec {
+            name: self.name.to_owned(),
+            max_force: self.max_force,
+            max_torque: self.max_torque,
+            max_stiffness: self.max_stiffness,
+            max_damping: self.max_damping,
+            workspace_radius: self.workspace_radius,
+            resolution: None,
+            rate: 1000.0,
+            freedoms: self.freedoms,
+        }
+    }
+}
+
+const POSITION_ONLY: Freedoms = Freedoms {
+    senses_position: true,
+    senses_rotation: false,
+    drives_force: true,
+    drives_torque: false,
+    gripper: false,
+};
+const WITH_ROTATION: Freedoms = Freedoms { senses_rotation: true, ..POSITION_ONLY };
+const WITH_GRIPPER: Freedoms = Freedoms { gripper: true, ..WITH_ROTATION };
+const WITH_TORQUE: Freedoms = Freedoms { drives_torque: true, ..WITH_GRIPPER };
+
+const fn row(
+    name: &'static str,
+    [max_force, max_torque]: [f64; 2],
+    [max_stiffness, max_damping]: [f64; 2],
+    workspace_radius: f64,
+    freedoms: Freedoms,
+) -> DevicePreset {
+    DevicePreset { name, max_force, max_torque, max_stiffness, max_damping, workspace_radius, freedoms }
+}
+
+/// Records of real devices.
+pub const DEVICE_PRESETS: &[DevicePreset] = &[
+    row("omega.3", [12.0, 0.0], [5000.0, 30.0], 0.075, POSITION_ONLY),
+    row("omega.6", [12.0, 0.0], [5000.0, 30.0], 0.075, WITH_ROTATION),
+    row("omega.7", [12.0, 0.0], [5000.0, 30.0], 0.075, WITH_GRIPPER),
+    row("delta.3", [20.0, 0.0], [5000.0, 30.0], 0.15, POSITION_ONLY),
+    row("sigma.7", [12.0, 0.2], [4000.0, 30.0], 0.075, WITH_TORQUE),
+    row("lambda.7", [12.0, 0.0], [8000.0, 30.0], 0.1125, WITH_GRIPPER),
+    row("falcon", [8.0, 0.0], [3000.0, 20.0], 0.04, POSITION_ONLY),
+    row("touch", [3.3, 0.0], [400.0, 4.0], 0.075, WITH_ROTATION),
+    row("phantom-omni", [3.3, 0.0], [700.0, 5.0], 0.1, WITH_ROTATION),
+    row("phantom-desktop", [7.9, 0.0], [1000.0, 5.0], 0.1, WITH_ROTATION),
+    row("phantom-premium-1.5", [8.5, 0.0], [800.0, 5.0], 0.12, WITH_ROTATION),
+    row("phantom-premium-3.0", [22.0, 0.0], [1000.0, 5.0], 0.25, WITH_ROTATION),
+    row("haply-pantograph", [5.0, 0.0], [300.0, 2.0], 0.1, POSITION_ONLY),
+];

@@ -1,0 +1,125 @@
+//! What one tick did: a small `Copy` record for rings, traces and tests.
+
+use nalgebra::Isometry3;
+
+use crate::device::DeviceError;
+use crate::wrench::Wrench;
+
+/// What happened in a tick, one bit each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TickFlags(u32);
+
+impl TickFlags {
+    /// A new snapshot was taken over.
+    pub const NEW_SNAPSHOT: Self = Self(1);
+    /// No snapshot has come yet.
+    pub const NO_SNAPSHOT: Self = Self(1 << 1);
+    /// The step marked its snapshot as not valid.
+    pub const INVALID_SNAPSHOT: Self = Self(1 << 2);
+    /// The snapshot is old and the force fades, or is zero.
+    pub const STALE: Self = Self(1 << 3);
+    /// The force is rising after a start or an interruption.
+    pub const FADE_IN: Self = Self(1 << 4);
+    /// The force was cut to its limit.
+    pub const FORCE_LIMITED: Self = Self(1 << 5);
+    /// The torque was cut to its limit.
+    pub const TORQUE_LIMITED: Self = Self(1 << 6);
+    /// The change of the wrench was cut to its limit.
+    pub const SLEW_LIMITED: Self = Self(1 << 7);
+    /// A number of the snapshot or of the answer was not finite: no force.
+    pub const NON_FINITE: Self = Self(1 << 8);
+    /// The device did not answer: no force.
+    pub const DEVICE_ERROR: Self = Self(1 << 9);
+    /// The time since the tick before was a gap, or no time at all.
+    pub const GAP: Self = Self(1 << 10);
+    /// The sweeps ended above the tolerance.
+    pub const NOT_CONVERGED: Self = Self(1 << 11);
+    /// The snapshot holds more than the workspace: its last contacts were left out.
+    pub const TRUNCATED: Self = Self(1 << 12);
+    /// The device's pose was not finite, not a rotation, or beyond all bounds: no force.
+    pub const BAD_POSE: Self = Self(1 << 13);
+
+    const NAMES: [&'static str; 14] = [
+        "new_snapshot",
+        "no_snapshot",
+        "invalid_snapshot",
+        "stale",
+        "fade_in",
+        "force_limited",
+        "torque_limited",
+        "slew_limited",
+        "non_finite",
+        "device_error",
+        "gap",
+        "not_converged",
+        "truncated",
+        "bad_pose",
+    ];
+
+    /// The bits.
+    #[must_use]
+    pub fn bits(self) -> u32 {
+        self.0
+    }
+
+    /// Whether all of `other` are set.
+    #[must_use]
+    pub fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// Sets all of `other`.
+    pub fn set(&mut self, other: Self) {
+        self.0 |= other.0;
+    }
+
+    /// Sets all of `other` if `condition` holds.
+    pub fn set_if(&mut self, condition: bool, other: Self) {
+        if condition {
+            self.set(other);
+        }
+    }
+
+    /// Names of the flags that are set, for listings.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        Self::NAMES.into_iter().enumerate().filter(move |(bit, _)| self.0 >> bit & 1 == 1).map(|(_, name)| name)
+    }
+}
+
+/// What one tick did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TickRecord {
+    /// Number of the tick.
+    pub index: u64,
+    /// Its time \[s\].
+    pub time: f64,
+    /// Pose that the device measured; the last good one if it did not answer.
+    pub device_pose: Isometry3<f64>,
+    /// Pose of the tool behind the coupling, on the surface where there is contact. What the step is to work with.
+    pub tool_pose: Isometry3<f64>,
+    /// Wrench sent to the hand, after all limits \[N, N m\].
+    pub wrench: Wrench,
+    /// Contact wrench before limits \[N, N m\].
+    pub contact_wrench: Wrench,
+    /// Contacts in the local problem.
+    pub contacts: u32,
+    /// Contacts that carry force.
+    pub active: u32,
+    /// Gauss-Seidel sweeps done.
+    pub sweeps: u32,
+    /// Natural-map residual after them, relative.
+    pub residual: f64,
+    /// Number of the step that made the snapshot.
+    pub snapshot_step: u64,
+    /// Time since the snapshot was taken over \[s\]; infinite if none ever was.
+    pub snapshot_age: f64,
+    /// |F_new − F_old| \[N\] at the tick that takes over a snapshot: the contact force with the new against the old one
+    /// at the same device pose. 0 at other ticks.
+    pub force_jump: f64,
+    /// Share of the contact wrench that was let through by the fades, 0 to 1.
+    pub gain: f64,
+    /// What happened.
+    pub flags: TickFlags,
+    /// Why the device did not answer.
+    pub device_error: Option<DeviceError>,
+}
