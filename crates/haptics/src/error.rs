@@ -29,7 +29,9 @@ pub enum SetupError {
     #[error("the hand script is empty: give at least one entry with `time = 0` and a position")]
     EmptyScript,
     /// Nothing says where the hand is between two times.
-    #[error("hand script has a gap: entry {entry} is at {time} s, and nothing says where the hand is from {from} s on; {remedy}")]
+    #[error(
+        "hand script has a gap: entry {entry} is at {time} s, and nothing says where the hand is from {from} s on; {remedy}"
+    )]
     ScriptGap {
         /// Index of the entry, from 0.
         entry: usize,
@@ -61,7 +63,9 @@ pub enum SetupError {
         value: f64,
     },
     /// A hand script that no hand can follow.
-    #[error("hand script entry {entry} asks for {speed:.3} m/s ({distance:.4} m in {duration:.4} s), above {limit} m/s: is a position in millimetres, or an entry missing?")]
+    #[error(
+        "hand script entry {entry} asks for {speed:.3} m/s ({distance:.4} m in {duration:.4} s), above {limit} m/s: is a position in millimetres, or an entry missing?"
+    )]
     ScriptSpeed {
         /// Index of the entry that the motion ends at, from 0.
         entry: usize,

@@ -122,7 +122,7 @@ impl Limits {
     /// Whether `dt` \[s\] since the tick before is a gap.
     #[must_use]
     pub fn is_gap(&self, dt: f64) -> bool {
-        !(dt <= self.config.gap)
+        dt.is_nan() || dt > self.config.gap
     }
 
     /// The wrench to send for this contact wrench \[N, N m\].

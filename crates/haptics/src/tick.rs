@@ -120,6 +120,8 @@ pub struct TickWorkspace {
     step: Option<u64>,
     /// W + c J_f J_fᵀ \[m/N\].
     w: Vec<f64>,
+    /// Whether all of `w` is.
+    finite: bool,
     delta: Vec<f64>,
     solver: GaussSeidelWorkspace,
 }
@@ -130,7 +132,7 @@ impl TickWorkspace {
     pub fn new(max_contacts: usize) -> Self {
         let rows = ROWS_PER_CONTACT * max_contacts;
         let solver = GaussSeidelWorkspace::with_capacity(rows);
-        Self { step: None, w: vec![0.0; rows * rows], delta: vec![0.0; rows], solver }
+        Self { step: None, w: vec![0.0; rows * rows], finite: true, delta: vec![0.0; rows], solver }
     }
 
     fn max_contacts(&self) -> usize {
@@ -146,7 +148,10 @@ struct Local {
     active: u32,
     sweeps: u32,
     residual: f64,
+    converged: bool,
     truncated: bool,
+    /// Whether all that went in and came out was finite.
+    finite: bool,
 }
 
 impl Local {
@@ -156,7 +161,9 @@ impl Local {
         active: 0,
         sweeps: 0,
         residual: 0.0,
+        converged: true,
         truncated: false,
+        finite: true,
     };
 }
 
@@ -230,8 +237,8 @@ impl Tick {
         ws: &mut TickWorkspace,
     ) -> TickRecord {
         let mut flags = TickFlags::default();
-        let dt = self.elapsed(state, time.dt, &mut flags);
-        take_over(state, snapshot, dt, &mut flags);
+        let (dt, aged) = self.elapsed(state, time.dt, &mut flags);
+        take_over(state, snapshot, aged, &mut flags);
         let outgoing = state.outgoing.take();
 
         let (sent, local) = if !is_pose(&sample.pose) {
@@ -243,10 +250,10 @@ impl Tick {
             let predicted = self.coupling.predict(&state.coupling, &sample.pose);
             let local = self.solve(&mut state.warm_start, snapshot, &predicted, ws);
             flags.set_if(local.truncated, TickFlags::TRUNCATED);
-            flags.set_if(!(local.residual <= self.solver.tolerance), TickFlags::NOT_CONVERGED);
+            flags.set_if(!local.converged, TickFlags::NOT_CONVERGED);
             state.coupling = self.coupling.settle(&state.coupling, &local.wrench);
-            // A residual that is not finite betrays numbers in W or δ_free that are not, even where λ is.
-            let target = if local.residual.is_finite() { local.wrench } else { NOT_A_WRENCH };
+            // Numbers in W or δ_free that are not finite end the force, even where λ is finite.
+            let target = if local.finite { local.wrench } else { NOT_A_WRENCH };
             let sent = self.limits.apply(&mut state.limits, &target, state.age, dt, &mut flags);
             if flags.contains(TickFlags::NON_FINITE) {
                 state.cut();
@@ -277,22 +284,26 @@ impl Tick {
         error: DeviceError,
     ) -> TickRecord {
         let mut flags = TickFlags::DEVICE_ERROR;
-        let dt = self.elapsed(state, time.dt, &mut flags);
-        take_over(state, snapshot, dt, &mut flags);
+        let (_, aged) = self.elapsed(state, time.dt, &mut flags);
+        take_over(state, snapshot, aged, &mut flags);
         state.cut();
         state.outgoing = None;
         let record = record(state, snapshot, time, Wrench::zero(), &Local::EMPTY, 0.0, flags);
         TickRecord { device_error: Some(error), ..record }
     }
 
-    /// Time since the tick before; a gap, or a time that cannot be, makes the force come back as a ramp.
-    fn elapsed(&self, state: &mut TickState, dt: f64, flags: &mut TickFlags) -> f64 {
+    /// Time since the tick before, for the limits and for the snapshot's age.
+    ///
+    /// A gap, or a time that cannot be, makes the force come back as a ramp: for the limits it counts as one period,
+    /// so that the gap itself does not pass for time in which the force has risen.
+    fn elapsed(&self, state: &mut TickState, dt: f64, flags: &mut TickFlags) -> (f64, f64) {
         let sound = dt > 0.0 && dt.is_finite();
-        if !sound || self.limits.is_gap(dt) {
-            flags.set(TickFlags::GAP);
-            state.limits.gain = 0.0;
+        if sound && !self.limits.is_gap(dt) {
+            return (dt, dt);
         }
-        if sound { dt } else { self.period }
+        flags.set(TickFlags::GAP);
+        state.limits.gain = 0.0;
+        (self.period, if sound { dt } else { self.period })
     }
 
     /// The local problem with the tool predicted at this pose.
@@ -304,7 +315,8 @@ impl Tick {
         ws: &mut TickWorkspace,
     ) -> Local {
         let contacts = snapshot.contacts().min(ws.max_contacts()).min(warm_start.max_contacts());
-        let rows = snapshot.blocks().get(contacts).map_or(snapshot.rows(), |first_without_room| first_without_room.start);
+        let rows =
+            snapshot.blocks().get(contacts).map_or(snapshot.rows(), |first_without_room| first_without_room.start);
         let truncated = contacts < snapshot.contacts();
         if rows == 0 {
             return Local { truncated, ..Local::EMPTY };
@@ -321,12 +333,15 @@ impl Tick {
 
         let active = blocks.iter().filter(|block| lambda[block.start] != 0.0).count();
         let wrench = wrench_of(tool_rows, lambda);
+        let finite = ws.finite && report.residual.is_finite() && delta_free.iter().all(|gap| gap.is_finite());
         Local {
+            finite,
             wrench,
             contacts: contacts as u32,
             active: active as u32,
             sweeps: report.iterations,
             residual: report.residual,
+            converged: report.is_solved(),
             truncated,
         }
     }
@@ -341,6 +356,7 @@ impl Tick {
             line.copy_from_slice(&of_snapshot[..rows]);
         }
         self.coupling.add_compliance(&snapshot.tool_rows()[..rows], w);
+        ws.finite = w.iter().all(|w| w.is_finite());
         ws.step = Some(snapshot.step);
     }
 }

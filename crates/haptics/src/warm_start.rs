@@ -124,7 +124,10 @@ mod tests {
     use crate::snapshot::SnapshotContact;
     use palpate_constraints::law::Coulomb;
 
-    fn snapshot(step: u64, contacts: &[(u64, [Vector3<f64>; 3], [f64; 3])]) -> HapticSnapshot {
+    /// Feature, frame and the step's λ.
+    type Given = (u64, [Vector3<f64>; 3], [f64; 3]);
+
+    fn snapshot(step: u64, contacts: &[Given]) -> HapticSnapshot {
         let mut snapshot = HapticSnapshot::new(4);
         snapshot.clear();
         (snapshot.step, snapshot.valid) = (step, true);

@@ -1,4 +1,5 @@
 //! Device, hand, coupling and wall in a closed loop: stable for every hand, on stiff and on soft ground.
+#![allow(clippy::print_stdout)] // what was measured, for `--nocapture`
 
 mod rig;
 
@@ -131,7 +132,10 @@ fn a_virtual_run_is_the_same_to_the_bit() {
         let script = press().hold(0.2).unwrap().move_to(Vector3::new(0.02, 0.01, -0.005), 0.5).unwrap();
         let hand = Hand::preset("stylus").unwrap();
         let device = VirtualDevice::new(VirtualDeviceConfig::default(), hand, script).unwrap();
-        let walls = vec![Wall::floor(1e-3).with_friction(0.4), Wall { normal: -Vector3::x(), offset: -0.01, ..Wall::floor(1e-3) }];
+        let walls = vec![
+            Wall::floor(1e-3).with_friction(0.4),
+            Wall { normal: -Vector3::x(), offset: -0.01, ..Wall::floor(1e-3) },
+        ];
         run(device, walls).1
     };
     let (a, b) = (once(), once());

@@ -3,9 +3,7 @@
 mod rig;
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use palpate_haptics::device::{
-    DeviceError, DeviceSample, DeviceSpec, HapticDevice, ScriptedDevice, TickTime,
-};
+use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, HapticDevice, ScriptedDevice, TickTime};
 use palpate_haptics::exchange::latest;
 use palpate_haptics::limits::{Limits, LimitsConfig, LimitsState};
 use palpate_haptics::record::TickFlags;
@@ -14,7 +12,7 @@ use palpate_haptics::script::HandScript;
 use palpate_haptics::tick::TickConfig;
 use palpate_haptics::wrench::Wrench;
 use proptest::prelude::*;
-use rig::{Bench, PERIOD, Wall, at, snapshot_of, strong_spec};
+use rig::{Bench, PERIOD, Wall, at, patient, snapshot_of, strong_spec};
 
 const DEPTH: f64 = 2e-3;
 
@@ -41,8 +39,7 @@ fn force_fades_in_monotonically_over_the_stated_time() {
 
 #[test]
 fn force_of_a_stale_snapshot_fades_to_zero_and_returns_as_a_ramp() {
-    let mut bench = Bench::strong();
-    let snapshot = floor(1);
+    let mut bench = Bench::new(&TickConfig::for_device(&strong_spec()), &strong_spec());
     let mut last = 0.0;
     let mut full = 0.0;
     for i in 0..700 {
@@ -65,7 +62,6 @@ fn force_of_a_stale_snapshot_fades_to_zero_and_returns_as_a_ramp() {
     assert_eq!(last, 0.0);
     let back = bench.tick(&floor(12), &pressed());
     assert!(back.wrench.force.z < 0.01 * full && back.flags.contains(TickFlags::FADE_IN));
-    drop(snapshot);
 }
 
 #[test]
@@ -94,7 +90,7 @@ fn no_snapshot_and_an_invalid_one_give_no_force_and_say_so() {
 fn the_stricter_of_scene_and_device_limits_the_force_in_its_direction() {
     let spec = DeviceSpec { max_force: 3.0, ..strong_spec() };
     for (scene, expected) in [(None, 3.0), (Some(10.0), 3.0), (Some(0.5), 0.5)] {
-        let mut config = TickConfig::for_device(&spec);
+        let mut config = patient(&spec);
         config.limits.max_force = scene;
         let mut bench = Bench::new(&config, &spec);
         let wall = Wall { normal: Vector3::new(0.0, 0.6, 0.8), ..Wall::floor(0.0) };
@@ -150,7 +146,6 @@ fn numbers_in_the_snapshot_that_are_not_finite_end_the_force() {
         for bad in [in_compliance, in_gap] {
             let mut bench = Bench::strong();
             let full = bench.warm_up(&floor(1), &pressed()).wrench.force.z;
-            assert!(full > 0.0);
             let record = bench.tick(&bad, &pressed());
             assert_eq!(record.wrench, Wrench::zero());
             assert!(record.flags.contains(TickFlags::NON_FINITE), "{:?}", record.flags.names().collect::<Vec<_>>());
@@ -164,14 +159,13 @@ fn numbers_in_the_snapshot_that_are_not_finite_end_the_force() {
 fn a_gap_between_ticks_makes_the_force_return_as_a_ramp() {
     for dt in [0.5, -1e-3, 0.0, f64::NAN, f64::INFINITY] {
         let mut bench = Bench::strong();
-        let snapshot = floor(1);
-        let full = bench.warm_up(&snapshot, &pressed()).wrench.force.z;
-        // Half way through the ages of a stale snapshot by now: a fresh one rules staleness out.
+        let full = bench.warm_up(&floor(1), &pressed()).wrench.force.z;
         let time = TickTime { index: 400, time: 0.4, dt };
         let record = bench.tick.tick(&mut bench.state, &floor(2), &pressed(), time, &mut bench.ws);
         assert!(record.flags.contains(TickFlags::GAP));
-        assert!(record.gain == 0.0 || dt.is_finite(), "{}", record.gain);
-        assert!(record.wrench.force.z <= full && record.wrench.is_finite());
+        // One period's share of 0.3 s, whatever the clock said.
+        assert!((record.gain - PERIOD / 0.3).abs() < 1e-12, "{}", record.gain);
+        assert!(record.wrench.force.z <= 0.02 * full, "{}", record.wrench.force.z);
     }
 }
 

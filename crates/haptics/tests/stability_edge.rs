@@ -2,6 +2,7 @@
 //!
 //! A bilateral spring at the origin, force = −K x at each tick, no friction, no encoder: a linear loop, whose edge the
 //! eigenvalues of the sampled system give. The table holds those for m = 0.1 kg, b = 0.2 N s/m.
+#![allow(clippy::print_stdout)] // what was measured, for `--nocapture`
 
 use nalgebra::Vector3;
 use palpate_haptics::device::{HapticDevice, TickTime, VirtualDevice, VirtualDeviceConfig};

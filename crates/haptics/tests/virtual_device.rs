@@ -153,8 +153,7 @@ fn a_run_is_the_same_to_the_bit() {
 
 #[test]
 fn devices_open_by_uri_and_unknown_names_list_the_known() {
-    let setup =
-        DeviceSetup { script: still(), hand: Hand::default(), mechanics: VirtualDeviceConfig::default() };
+    let setup = DeviceSetup { script: still(), hand: Hand::default(), mechanics: VirtualDeviceConfig::default() };
     for uri in ["virtual", "virtual:arm", "virtual:none", "scripted"] {
         let mut device = device::open(uri, &setup).unwrap_or_else(|error| panic!("{uri}: {error}"));
         device.spec().validate().unwrap();

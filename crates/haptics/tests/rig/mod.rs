@@ -49,7 +49,8 @@ pub(crate) fn fill(snapshot: &mut HapticSnapshot, step: u64, walls: &[Wall], too
         assert!(snapshot.push(&contact));
     }
     let rows = snapshot.rows();
-    let compliances: Vec<f64> = walls.iter().flat_map(|w| vec![w.w; if w.friction.is_some() { 3 } else { 1 }]).collect();
+    let compliances: Vec<f64> =
+        walls.iter().flat_map(|w| vec![w.w; if w.friction.is_some() { 3 } else { 1 }]).collect();
     let w = snapshot.compliance_mut();
     w.fill(0.0);
     for (row, c) in compliances.iter().enumerate() {
@@ -82,10 +83,10 @@ impl Bench {
         Self { tick, state: TickState::new(8), ws: TickWorkspace::new(8), index: 0 }
     }
 
-    /// The defaults on a strong device that only the scene limits.
+    /// The defaults on a strong device that only the scene limits, with snapshots that do not grow stale.
     pub(crate) fn strong() -> Self {
         let spec = strong_spec();
-        Self::new(&TickConfig::for_device(&spec), &spec)
+        Self::new(&patient(&spec), &spec)
     }
 
     pub(crate) fn tick(&mut self, snapshot: &HapticSnapshot, sample: &DeviceSample) -> TickRecord {
@@ -98,6 +99,13 @@ impl Bench {
     pub(crate) fn warm_up(&mut self, snapshot: &HapticSnapshot, sample: &DeviceSample) -> TickRecord {
         (0..400).map(|_| self.tick(snapshot, sample)).last().expect("ticks")
     }
+}
+
+/// The defaults, but that snapshots do not grow stale.
+pub(crate) fn patient(spec: &DeviceSpec) -> TickConfig {
+    let mut config = TickConfig::for_device(spec);
+    (config.limits.stale_after, config.limits.stale_zero) = (1e3, 2e3);
+    config
 }
 
 pub(crate) fn strong_spec() -> DeviceSpec {
