@@ -1,14 +1,14 @@
 //! Finite elements for soft tissue: meshes, materials, assembly, sparse factorisation, preconditioned CG.
 //!
 //! Units are SI throughout. Sign conventions: `f_int` is the force that the tissue exerts on its nodes,
-//! `K = -d f_int / d q`, `A = M + h C + h² K` [kg], and the unknown of a linear solve is a change of velocity.
+//! `K = -d f_int / d q`, `A = M + h C + h² K` (kg), and the unknown of a linear solve is a change of velocity.
 
 pub mod assembly;
+pub mod block;
 pub mod closed_surface;
 pub mod element;
 pub mod factor;
 pub mod format;
-pub mod free_motion;
 pub mod image;
 pub mod material;
 pub mod mesh;

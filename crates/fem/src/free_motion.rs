@@ -1,1 +1,0 @@
-//! Backward Euler with one linearisation: the motion of a body that nothing touches.
