@@ -11,13 +11,13 @@ use crate::world::World;
 const SETTLE_STEP: f64 = 3.0;
 
 /// Iterations after which the body is taken as it is.
-const MOST_ITERATIONS: usize = 40;
+const MOST_ITERATIONS: usize = 100;
 
 /// Largest motion in one iteration, relative to the size of the body: a linearisation says little beyond it.
 const LARGEST_MOTION: f64 = 0.05;
 
-/// Iterations end where the largest motion is below this part of the size of the body.
-const SETTLED: f64 = 1e-9;
+/// Iterations end where the largest motion is below this part of the size of the body: well below what a hand feels.
+const SETTLED: f64 = 1e-6;
 
 /// The body at rest under its own weight, and whether the iterations converged.
 ///
