@@ -31,7 +31,7 @@ fn fill(snapshot: &mut HapticSnapshot, step: u64) {
     for i in 0..(step % (CONTACTS as u64 + 1)) {
         let x = 1e-3 * i as f64;
         let rows = [[0.0, 0.0, 1.0, 0.0, -x, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0, 0.0, x]];
-        let (law, delta_free) = (Coulomb { friction: 0.3 }.into(), [1e-4 * i as f64, 0.0, 0.0]);
+        let (law, delta_free) = (Coulomb { friction: 0.3 }.into(), [2e-5 * i as f64, 0.0, 0.0]);
         let contact =
             SnapshotContact { law, feature: i, tool_rows: &rows, delta_free: &delta_free, lambda: &[0.01, 0.0, 0.0] };
         snapshot.push(&contact);

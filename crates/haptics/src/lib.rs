@@ -17,7 +17,6 @@ pub mod run;
 pub mod script;
 pub mod snapshot;
 pub mod tick;
-mod warm_start;
 pub mod wrench;
 
 pub use error::SetupError;

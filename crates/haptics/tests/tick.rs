@@ -226,3 +226,16 @@ fn set_up_refuses_numbers_out_of_range() {
     let time = TickTime::regular(3, PERIOD);
     assert_eq!((time.index, time.time, time.dt), (3, 3e-3, 1e-3));
 }
+
+#[test]
+fn a_second_run_whose_steps_count_from_one_again_does_not_see_the_first() {
+    let press = at(Vector3::z() * -1e-3);
+    let (soft, stiff) = (Wall::floor(1e-2), Wall::floor(1e-4));
+    let mut bench = Bench::strong();
+    bench.warm_up(&snapshot_of(1, &[soft], &Isometry3::identity()), &press);
+    bench.state.reset();
+    let second = bench.tick(&snapshot_of(1, &[stiff], &Isometry3::identity()), &press);
+    let fresh = Bench::strong().tick(&snapshot_of(1, &[stiff], &Isometry3::identity()), &press);
+    assert_eq!(second.contact_wrench, fresh.contact_wrench);
+    assert_eq!(second.wrench, fresh.wrench);
+}

@@ -108,6 +108,9 @@ pub struct DeviceSetup {
     pub mechanics: VirtualDeviceConfig,
 }
 
+/// An open device, or what its set-up refused.
+pub type Opened = Result<Box<dyn HapticDevice>, SetupError>;
+
 /// One line of the register.
 #[derive(Clone, Copy, Debug)]
 pub struct Registration {
@@ -116,7 +119,7 @@ pub struct Registration {
     /// One line for listings.
     pub summary: &'static str,
     /// Opens the device; the argument is the URI's part after the colon, or empty.
-    pub open: fn(argument: &str, setup: &DeviceSetup) -> Result<Box<dyn HapticDevice>, SetupError>,
+    pub open: fn(argument: &str, setup: &DeviceSetup) -> Opened,
 }
 
 /// The register of devices.
@@ -126,7 +129,7 @@ pub const DEVICES: &[Registration] = &[virtual_device::REGISTRATION, scripted::R
 ///
 /// # Errors
 /// A name that [`DEVICES`] does not hold, or what the device's own set-up refuses.
-pub fn open(uri: &str, setup: &DeviceSetup) -> Result<Box<dyn HapticDevice>, SetupError> {
+pub fn open(uri: &str, setup: &DeviceSetup) -> Opened {
     let (name, argument) = uri.split_once(':').unwrap_or((uri, ""));
     let found = DEVICES.iter().find(|registration| registration.name == name).ok_or_else(|| {
         let known: Vec<_> = DEVICES.iter().map(|registration| registration.name).collect();

@@ -2,8 +2,7 @@
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
-use super::{DeviceError, DeviceSample, DeviceSetup, DeviceSpec, HapticDevice, Registration, TickTime};
-use crate::SetupError;
+use super::{DeviceError, DeviceSample, DeviceSetup, DeviceSpec, HapticDevice, Opened, Registration, TickTime};
 use crate::script::HandScript;
 use crate::wrench::{Twist, Wrench};
 
@@ -43,7 +42,7 @@ impl ScriptedDevice {
     }
 }
 
-fn open(_argument: &str, setup: &DeviceSetup) -> Result<Box<dyn HapticDevice>, SetupError> {
+fn open(_argument: &str, setup: &DeviceSetup) -> Opened {
     Ok(Box::new(ScriptedDevice::new(setup.script.clone())))
 }
 

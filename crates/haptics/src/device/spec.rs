@@ -1,7 +1,7 @@
 //! What a device can do: the record that CHAI3D keeps of each, in SI units.
 //!
 //! The limits of force and the default coupling are taken from here, so that a scene runs on another device without a
-//! change. The table of presets is CHAI3D's own (BSD-3, `cHapticDeviceInfo` of each driver, version 3.2): "maximum
+//! change. The table of presets is CHAI3D's own (BSD-3, the `cHapticDeviceInfo` of each driver): "maximum
 //! closed-loop stiffness" and "damping" are its authors' figures for a loop at 1 kHz, not vendor data. A torque limit
 //! of 0 means that the record names none, and then no torque is sent.
 

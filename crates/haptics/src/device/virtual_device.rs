@@ -16,7 +16,7 @@
 use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{DeviceError, DeviceSample, DeviceSetup, DeviceSpec, HapticDevice, Registration, TickTime};
+use super::{DeviceError, DeviceSample, DeviceSetup, DeviceSpec, HapticDevice, Opened, Registration, TickTime};
 use crate::SetupError;
 use crate::error::{non_negative, positive};
 use crate::hand::Hand;
@@ -276,7 +276,7 @@ impl VirtualDevice {
 
 const NO_HAND: Hand = Hand { mass: 0.0, damping: 0.0, stiffness: 0.0 };
 
-fn open(argument: &str, setup: &DeviceSetup) -> Result<Box<dyn HapticDevice>, SetupError> {
+fn open(argument: &str, setup: &DeviceSetup) -> Opened {
     let hand = if argument.is_empty() { setup.hand } else { Hand::preset(argument)? };
     Ok(Box::new(VirtualDevice::new(setup.mechanics, hand, setup.script.clone())?))
 }

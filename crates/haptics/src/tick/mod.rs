@@ -10,9 +10,11 @@
 //! A tick allocates nothing, takes no lock, makes no system call, has no panic path, and its work is bounded by the
 //! capacity and the number of sweeps: O(rows²) a sweep, and as much again when a snapshot is taken over.
 
+mod local;
+mod warm_start;
+
 use nalgebra::{Isometry3, Vector3};
-use palpate_solver::gauss_seidel::{self, GaussSeidelConfig, GaussSeidelWorkspace};
-use palpate_solver::problem::ProblemView;
+use palpate_solver::gauss_seidel::GaussSeidelConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::SetupError;
@@ -21,9 +23,12 @@ use crate::device::{DeviceError, DeviceSample, DeviceSpec, TickTime};
 use crate::error::positive;
 use crate::limits::{Limits, LimitsConfig, LimitsState};
 use crate::record::{TickFlags, TickRecord};
-use crate::snapshot::{HapticSnapshot, ROWS_PER_CONTACT};
-use crate::warm_start::WarmStart;
+use crate::snapshot::HapticSnapshot;
 use crate::wrench::{Wrench, all_finite};
+
+pub use local::TickWorkspace;
+use local::{Local, Problem};
+use warm_start::WarmStart;
 
 /// The tick as described by a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -113,60 +118,6 @@ impl TickState {
     }
 }
 
-/// Scratch of a tick, which may be thrown away between any two.
-#[derive(Clone, Debug)]
-pub struct TickWorkspace {
-    /// Snapshot that `w` was made from.
-    step: Option<u64>,
-    /// W + c J_f J_fᵀ \[m/N\].
-    w: Vec<f64>,
-    /// Whether all of `w` is.
-    finite: bool,
-    delta: Vec<f64>,
-    solver: GaussSeidelWorkspace,
-}
-
-impl TickWorkspace {
-    /// Scratch for snapshots of up to `max_contacts` contacts.
-    #[must_use]
-    pub fn new(max_contacts: usize) -> Self {
-        let rows = ROWS_PER_CONTACT * max_contacts;
-        let solver = GaussSeidelWorkspace::with_capacity(rows);
-        Self { step: None, w: vec![0.0; rows * rows], finite: true, delta: vec![0.0; rows], solver }
-    }
-
-    fn max_contacts(&self) -> usize {
-        self.delta.len() / ROWS_PER_CONTACT
-    }
-}
-
-/// Answer of the local problem.
-#[derive(Clone, Copy, Debug)]
-struct Local {
-    wrench: Wrench,
-    contacts: u32,
-    active: u32,
-    sweeps: u32,
-    residual: f64,
-    converged: bool,
-    truncated: bool,
-    /// Whether all that went in and came out was finite.
-    finite: bool,
-}
-
-impl Local {
-    const EMPTY: Self = Self {
-        wrench: Wrench { force: Vector3::new(0.0, 0.0, 0.0), torque: Vector3::new(0.0, 0.0, 0.0) },
-        contacts: 0,
-        active: 0,
-        sweeps: 0,
-        residual: 0.0,
-        converged: true,
-        truncated: false,
-        finite: true,
-    };
-}
-
 const NOT_A_WRENCH: Wrench =
     Wrench { force: Vector3::new(f64::NAN, f64::NAN, f64::NAN), torque: Vector3::new(f64::NAN, f64::NAN, f64::NAN) };
 
@@ -221,7 +172,7 @@ impl Tick {
     ) {
         if outgoing.valid && state.step == Some(outgoing.step) && is_pose(&sample.pose) {
             let predicted = self.coupling.predict(&state.coupling, &sample.pose);
-            let local = self.solve(&mut state.warm_start, outgoing, &predicted, ws);
+            let local = self.problem().solve(&mut state.warm_start, outgoing, &predicted, ws);
             state.outgoing = Some(local.wrench.force);
         }
     }
@@ -238,7 +189,9 @@ impl Tick {
     ) -> TickRecord {
         let mut flags = TickFlags::default();
         let (dt, aged) = self.elapsed(state, time.dt, &mut flags);
-        take_over(state, snapshot, aged, &mut flags);
+        if take_over(state, snapshot, aged, &mut flags) {
+            ws.forget();
+        }
         let outgoing = state.outgoing.take();
 
         let (sent, local) = if !is_pose(&sample.pose) {
@@ -248,7 +201,7 @@ impl Tick {
         } else if snapshot.valid {
             state.device_pose = sample.pose;
             let predicted = self.coupling.predict(&state.coupling, &sample.pose);
-            let local = self.solve(&mut state.warm_start, snapshot, &predicted, ws);
+            let local = self.problem().solve(&mut state.warm_start, snapshot, &predicted, ws);
             flags.set_if(local.truncated, TickFlags::TRUNCATED);
             flags.set_if(!local.converged, TickFlags::NOT_CONVERGED);
             state.coupling = self.coupling.settle(&state.coupling, &local.wrench);
@@ -292,6 +245,10 @@ impl Tick {
         TickRecord { device_error: Some(error), ..record }
     }
 
+    fn problem(&self) -> Problem<'_> {
+        Problem { solver: &self.solver, coupling: &self.coupling }
+    }
+
     /// Time since the tick before, for the limits and for the snapshot's age.
     ///
     /// A gap, or a time that cannot be, makes the force come back as a ramp: for the limits it counts as one period,
@@ -305,65 +262,12 @@ impl Tick {
         state.limits.gain = 0.0;
         (self.period, if sound { dt } else { self.period })
     }
-
-    /// The local problem with the tool predicted at this pose.
-    fn solve(
-        &self,
-        warm_start: &mut WarmStart,
-        snapshot: &HapticSnapshot,
-        predicted: &Isometry3<f64>,
-        ws: &mut TickWorkspace,
-    ) -> Local {
-        let contacts = snapshot.contacts().min(ws.max_contacts()).min(warm_start.max_contacts());
-        let rows =
-            snapshot.blocks().get(contacts).map_or(snapshot.rows(), |first_without_room| first_without_room.start);
-        let truncated = contacts < snapshot.contacts();
-        if rows == 0 {
-            return Local { truncated, ..Local::EMPTY };
-        }
-        let tool_rows = &snapshot.tool_rows()[..rows];
-        self.prepare(snapshot, rows, ws);
-        move_tool(snapshot, tool_rows, predicted, &mut ws.delta);
-
-        let lambda = warm_start.lambda_mut(rows);
-        let blocks = &snapshot.blocks()[..contacts];
-        let (compliance, delta_free) = (&ws.w[..rows * rows], &ws.delta[..rows]);
-        let problem = ProblemView { compliance, stride: rows, delta_free, blocks };
-        let report = gauss_seidel::solve(&problem, lambda, &self.solver, &mut ws.solver);
-
-        let active = blocks.iter().filter(|block| lambda[block.start] != 0.0).count();
-        let wrench = wrench_of(tool_rows, lambda);
-        let finite = ws.finite && report.residual.is_finite() && delta_free.iter().all(|gap| gap.is_finite());
-        Local {
-            finite,
-            wrench,
-            contacts: contacts as u32,
-            active: active as u32,
-            sweeps: report.iterations,
-            residual: report.residual,
-            converged: report.is_solved(),
-            truncated,
-        }
-    }
-
-    /// W_tick, once a snapshot.
-    fn prepare(&self, snapshot: &HapticSnapshot, rows: usize, ws: &mut TickWorkspace) {
-        if ws.step == Some(snapshot.step) {
-            return;
-        }
-        let w = &mut ws.w[..rows * rows];
-        for (line, of_snapshot) in w.chunks_exact_mut(rows).zip(snapshot.compliance().chunks_exact(snapshot.rows())) {
-            line.copy_from_slice(&of_snapshot[..rows]);
-        }
-        self.coupling.add_compliance(&snapshot.tool_rows()[..rows], w);
-        ws.finite = w.iter().all(|w| w.is_finite());
-        ws.step = Some(snapshot.step);
-    }
 }
 
 /// Notices a new snapshot, or lets the one in use age.
-fn take_over(state: &mut TickState, snapshot: &HapticSnapshot, dt: f64, flags: &mut TickFlags) {
-    if snapshot.valid && state.step != Some(snapshot.step) {
+fn take_over(state: &mut TickState, snapshot: &HapticSnapshot, dt: f64, flags: &mut TickFlags) -> bool {
+    let new = snapshot.valid && state.step != Some(snapshot.step);
+    if new {
         flags.set(TickFlags::NEW_SNAPSHOT);
         state.warm_start.take_over(snapshot);
         state.step = Some(snapshot.step);
@@ -371,26 +275,7 @@ fn take_over(state: &mut TickState, snapshot: &HapticSnapshot, dt: f64, flags: &
     } else {
         state.age += dt;
     }
-}
-
-/// δ at the predicted pose.
-fn move_tool(snapshot: &HapticSnapshot, tool_rows: &[[f64; 6]], predicted: &Isometry3<f64>, delta: &mut [f64]) {
-    let moved = predicted.translation.vector - snapshot.tool_pose.translation.vector;
-    let turned = (predicted.rotation * snapshot.tool_pose.rotation.inverse()).scaled_axis();
-    for ((delta, free), row) in delta.iter_mut().zip(snapshot.delta_free()).zip(tool_rows) {
-        let rotation = row[3] * turned.x + row[4] * turned.y + row[5] * turned.z;
-        *delta = free + row[0] * moved.x + row[1] * moved.y + row[2] * moved.z + rotation;
-    }
-}
-
-/// Jᵀ λ.
-fn wrench_of(tool_rows: &[[f64; 6]], lambda: &[f64]) -> Wrench {
-    let mut wrench = Wrench::zero();
-    for (row, lambda) in tool_rows.iter().zip(lambda) {
-        wrench.force += Vector3::new(row[0], row[1], row[2]) * *lambda;
-        wrench.torque += Vector3::new(row[3], row[4], row[5]) * *lambda;
-    }
-    wrench
+    new
 }
 
 /// Whether a pose can be one: finite, within [`MAX_COORDINATE`], and with a rotation of unit length.
