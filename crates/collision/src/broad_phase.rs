@@ -31,7 +31,7 @@ pub enum SurfaceError {
         node: u32,
     },
     /// A coordinate that is not a number.
-    #[error("surface: node {node} has a coordinate that is not finite")]
+    #[error("surface: node {node} has a coordinate that is not finite or beyond 1e6 m")]
     NotFinite {
         /// The node.
         node: u32,
@@ -87,7 +87,7 @@ impl SurfaceGeometry {
                 if node == t[(k + 1) % 3] {
                     return Err(SurfaceError::RepeatedNode { triangle, node });
                 }
-                if !p.iter().all(|x| x.is_finite()) {
+                if !is_usable(p) {
                     return Err(SurfaceError::NotFinite { node });
                 }
             }
@@ -119,7 +119,7 @@ impl SurfaceGeometry {
     /// Refills boxes and vertex normals from the positions of the body's nodes [m].
     ///
     /// The normal of a vertex is the sum of its triangles' normals weighted by area. Triangles with a coordinate that
-    /// is not finite are left out, and their number is returned.
+    /// is not finite or beyond 1e6 m are left out, and their number is returned.
     pub fn refit(&mut self, positions: &[Vector3<f64>]) -> usize {
         for &node in &self.nodes {
             self.normals[node as usize] = Vector3::zeros();
@@ -237,7 +237,15 @@ impl SurfaceGeometry {
     }
 }
 
+/// Coordinates beyond this [m] are taken for not finite: the body has diverged, and products of them may overflow.
+const FARTHEST: f64 = 1e6;
+
 fn finite_corners(t: &[u32; 3], positions: &[Vector3<f64>]) -> Option<[Vector3<f64>; 3]> {
-    let at = |k: usize| positions.get(t[k] as usize).copied().filter(|p| p.iter().all(|x| x.is_finite()));
+    let at = |k: usize| positions.get(t[k] as usize).copied().filter(is_usable);
     Some([at(0)?, at(1)?, at(2)?])
+}
+
+/// Finite, and not so far that squares overflow.
+pub(crate) fn is_usable(p: &Vector3<f64>) -> bool {
+    p.iter().all(|x| x.abs() <= FARTHEST)
 }

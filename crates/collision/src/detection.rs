@@ -6,20 +6,22 @@
 //!
 //! **Sides.** The far skin of a thin organ and the near skin that a tool has passed look alike: the distance to both
 //! points out of the body. Detection therefore remembers the outward normal `u` of the skin through which the tool came
-//! ([`ContactSet::side`]): the skin nearest to the tool's innermost probe, followed while that probe is outside, and
-//! inside only as far as it turns by less than 60 degrees a step. A feature that lies behind the tool (`facing < 0`)
-//! needs `skin · u > 1/2`. While such a feature more than 30 degrees behind is in contact, skin with `skin · u < 0` is
-//! rejected too, since the tool may have come out of the far side. A tool that appears inside the body takes the
+//! ([`ContactSet::side`]): the skin nearest to the tool's innermost probe. While that probe is outside, the memory
+//! follows, except to the opposite side of a tool that still touches; inside, only as far as the skin turns by less
+//! than 60 degrees a step. A feature that lies
+//! behind the tool needs `skin · u > 1/2`, one beside it that the skin decides about `skin · u > -1/2`
+//! ([`Touch::side`](crate::narrow_phase::Touch)). While the tool is submerged, skin with `skin · u < 0` is rejected
+//! altogether, since the tool may have come out of the far side. A tool that appears inside the body takes the
 //! nearest skin; [`DetectionReport::tool_inside`] tells set-up to refuse it.
 
 use nalgebra::{Isometry3, Vector3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::broad_phase::SurfaceGeometry;
-use crate::contact::{Contact, ContactSet, FeatureKind, feature_id};
-use crate::hull::ConvexHull;
-use crate::narrow_phase::{HullInWorld, Touch, point_feature, samples, touch};
+use crate::broad_phase::{SurfaceGeometry, is_usable};
+use crate::contact::{Contact, ContactSet};
+use crate::features::{Collector, Feature, Meeting, by_depth};
+use crate::narrow_phase::HullInWorld;
 use crate::shape::ToolShape;
 use crate::tree::Aabb;
 
@@ -114,7 +116,7 @@ pub struct DetectionReport {
     pub merged: usize,
     /// Contacts within the margin that the capacity had no room for; shallower than all that were kept.
     pub dropped: usize,
-    /// Triangles left out because a coordinate is not finite, plus 1 if the pose is not finite.
+    /// Triangles left out because a coordinate is not finite or beyond 1e6 m, plus 1 if the pose is.
     pub non_finite: usize,
     /// Least gap [m]; infinite without contacts.
     pub deepest_gap: f64,
@@ -123,21 +125,12 @@ pub struct DetectionReport {
     pub tool_inside: bool,
 }
 
-/// A feature within the query box, with what is needed to accept or reject it.
-#[derive(Clone, Copy, Debug)]
-struct Feature {
-    contact: Contact,
-    skin: Vector3<f64>,
-    facing: f64,
-}
-
 /// Scratch memory of detection, sized for one surface at set-up.
 #[derive(Clone, Debug)]
 pub struct DetectionWorkspace {
     features: Vec<Feature>,
-    node_seen: Vec<u32>,
-    edge_seen: Vec<u32>,
-    pass: u32,
+    nodes: Visited,
+    edges: Visited,
     hull: HullInWorld,
 }
 
@@ -148,74 +141,43 @@ impl DetectionWorkspace {
     pub fn new(surface: &SurfaceGeometry) -> Self {
         Self {
             features: Vec::with_capacity(4 * surface.triangles().len() + 1024),
-            node_seen: vec![0; surface.body_nodes()],
-            edge_seen: vec![0; surface.edges().len()],
-            pass: 0,
+            nodes: Visited::new(surface.body_nodes()),
+            edges: Visited::new(surface.edges().len()),
             hull: HullInWorld::default(),
         }
     }
+}
 
-    fn begin(&mut self, surface: &SurfaceGeometry) {
-        self.features.clear();
+/// Marks items that a pass has seen, without clearing between passes.
+#[derive(Clone, Debug)]
+struct Visited {
+    pass_of: Vec<u32>,
+    pass: u32,
+}
+
+impl Visited {
+    fn new(items: usize) -> Self {
+        Self { pass_of: vec![0; items], pass: 0 }
+    }
+
+    /// Starts a pass over `items` items.
+    fn begin(&mut self, items: usize) {
         self.pass = self.pass.wrapping_add(1);
-        if self.pass == 0
-            || self.node_seen.len() != surface.body_nodes()
-            || self.edge_seen.len() != surface.edges().len()
-        {
-            self.node_seen.clear();
-            self.node_seen.resize(surface.body_nodes(), 0);
-            self.edge_seen.clear();
-            self.edge_seen.resize(surface.edges().len(), 0);
+        if self.pass == 0 || self.pass_of.len() != items {
+            self.pass_of.clear();
+            self.pass_of.resize(items, 0);
             self.pass = 1;
         }
     }
 
-    /// True the first time in a pass.
-    fn first_visit(seen: &mut [u32], pass: u32, item: u32) -> bool {
-        seen.get_mut(item as usize).is_some_and(|at| std::mem::replace(at, pass) != pass)
-    }
-}
-
-/// Where features are collected; when memory is full the shallower half gives way, and is counted.
-struct Collector<'a> {
-    features: &'a mut Vec<Feature>,
-    margin: f64,
-    candidates: usize,
-    dropped: usize,
-}
-
-impl Collector<'_> {
-    fn offer(
-        &mut self,
-        feature: u64,
-        nodes: [u32; 3],
-        weights: [f64; 3],
-        x: Vector3<f64>,
-        skin: Vector3<f64>,
-        touch: Touch,
-    ) {
-        self.candidates += 1;
-        if touch.gap.is_nan() || touch.gap > self.margin {
-            return;
-        }
-        if self.features.len() == self.features.capacity() {
-            let half = self.features.len() / 2;
-            if half > 0 {
-                self.features.select_nth_unstable_by(half, by_depth);
-                self.dropped += self.features.len() - half;
-                self.features.truncate(half);
+    /// Calls `visit` with those of three items that this pass has not seen.
+    fn first_visits(&mut self, items: [u32; 3], mut visit: impl FnMut(u32)) {
+        for item in items {
+            if self.pass_of.get_mut(item as usize).is_some_and(|at| std::mem::replace(at, self.pass) != self.pass) {
+                visit(item);
             }
         }
-        let tool_point = x - touch.normal * touch.gap;
-        let contact =
-            Contact { feature, nodes, weights, normal: touch.normal, tissue_point: x, tool_point, gap: touch.gap };
-        self.features.push(Feature { contact, skin, facing: touch.facing });
     }
-}
-
-/// Deepest first; ties by feature, so that the order never depends on how features were found.
-fn by_depth(a: &Feature, b: &Feature) -> std::cmp::Ordering {
-    a.contact.gap.total_cmp(&b.contact.gap).then(a.contact.feature.cmp(&b.contact.feature))
 }
 
 /// Finds the contacts between a refitted surface and a tool at a pose.
@@ -232,6 +194,7 @@ pub fn detect(
     ws: &mut DetectionWorkspace,
     out: &mut ContactSet,
 ) -> DetectionReport {
+    let touching = !out.contacts.is_empty();
     out.contacts.clear();
     let mut report = DetectionReport {
         candidates: 0,
@@ -243,46 +206,36 @@ pub fn detect(
         deepest_gap: f64::INFINITY,
         tool_inside: false,
     };
-    if !pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite()) {
+    if !is_usable(&pose.translation.vector) || !pose.rotation.coords.iter().all(|x| x.is_finite()) {
         report.non_finite += 1;
         return report;
     }
-    ws.begin(surface);
-    report.tool_inside = follow_side(surface, positions, tool, pose, &mut out.side);
+    ws.features.clear();
+    ws.nodes.begin(surface.body_nodes());
+    ws.edges.begin(surface.edges().len());
+    let meeting = Meeting { surface, positions, tool, pose };
+    report.tool_inside = follow_side(&meeting, touching, &mut out.side);
 
     // Features of triangles near the tool.
     let (low, high) = tool.bounding_box(pose);
-    let around = Vector3::repeat(config.margin.max(config.reach));
-    let bounds = Aabb { low: low - around, high: high + around };
-    let within = config.margin.max(config.reach);
-    let pass = ws.pass;
+    let range = config.margin.max(config.reach);
+    let bounds = Aabb { low: low - Vector3::repeat(range), high: high + Vector3::repeat(range) };
     let mut found = Collector { features: &mut ws.features, margin: config.margin, candidates: 0, dropped: 0 };
+    let (nodes, edges) = (&mut ws.nodes, &mut ws.edges);
     match (config.kind, tool.axis(pose), tool.hull()) {
-        (ContactKind::Faces, Some(axis), _) => {
-            surface.query(&bounds, |t| face_features(surface, positions, tool, pose, (t, &axis), &mut found));
-        }
+        (ContactKind::Faces, Some(axis), _) => surface.query(&bounds, |t| meeting.face(t, &axis, &mut found)),
         (ContactKind::Faces, None, Some(hull)) => {
             ws.hull.place(hull, pose);
             surface.query(&bounds, |t| {
-                for node in surface.triangles()[t as usize] {
-                    if DetectionWorkspace::first_visit(&mut ws.node_seen, pass, node) {
-                        node_feature(surface, positions, tool, pose, node, &mut found);
-                    }
-                }
-                hull_corners(surface, positions, t, (hull, &ws.hull), &mut found);
-                for edge in surface.triangle_edges()[t as usize] {
-                    if DetectionWorkspace::first_visit(&mut ws.edge_seen, pass, edge) {
-                        hull_edges(surface, positions, edge, (hull, &ws.hull, within), &mut found);
-                    }
-                }
+                nodes.first_visits(surface.triangles()[t as usize], |node| meeting.node(node, &mut found));
+                meeting.hull_corners(t, hull, &ws.hull, &mut found);
+                edges.first_visits(surface.triangle_edges()[t as usize], |edge| {
+                    meeting.hull_edges(edge, hull, &ws.hull, range, &mut found);
+                });
             });
         }
         _ => surface.query(&bounds, |t| {
-            for node in surface.triangles()[t as usize] {
-                if DetectionWorkspace::first_visit(&mut ws.node_seen, pass, node) {
-                    node_feature(surface, positions, tool, pose, node, &mut found);
-                }
-            }
+            nodes.first_visits(surface.triangles()[t as usize], |node| meeting.node(node, &mut found));
         }),
     }
     report.candidates = found.candidates;
@@ -294,13 +247,10 @@ pub fn detect(
 }
 
 /// Updates the outward normal of the skin through which the tool came; true where the whole tool lies below the skin.
-fn follow_side(
-    surface: &SurfaceGeometry,
-    positions: &[Vector3<f64>],
-    tool: &ToolShape,
-    pose: &Isometry3<f64>,
-    side: &mut Option<Vector3<f64>>,
-) -> bool {
+///
+/// `touching`: the step before had contacts.
+fn follow_side(meeting: &Meeting, touching: bool, side: &mut Option<Vector3<f64>>) -> bool {
+    let Meeting { surface, positions, tool, pose } = *meeting;
     let mut innermost: Option<(f64, Vector3<f64>)> = None;
     let mut all_below = true;
     for probe in tool.probes(pose) {
@@ -312,85 +262,22 @@ fn follow_side(
     }
     let Some((depth, normal)) = innermost else { return false };
     *side = match *side {
+        // Inside, another side may be nearer than the one it came through.
         Some(before) if depth < 0.0 && before.dot(&normal) <= 0.5 => Some(before),
+        // Outside again, but beyond the far skin of something thin.
+        Some(before) if touching && before.dot(&normal) < -0.5 => Some(before),
         _ => Some(normal),
     };
     // The sign of the nearest point can err at sharp edges, so a rare and costly answer is checked.
     all_below && surface.contains(&tool.bounding_sphere(pose).0, positions)
 }
 
-fn node_feature(
-    surface: &SurfaceGeometry,
-    positions: &[Vector3<f64>],
-    tool: &ToolShape,
-    pose: &Isometry3<f64>,
-    node: u32,
-    found: &mut Collector,
-) {
-    let Some(x) = positions.get(node as usize).copied() else { return };
-    let skin = surface.vertex_normal(node);
-    if let Some(touch) = touch(tool, pose, &x, &skin) {
-        found.offer(feature_id(FeatureKind::Vertex, node, 0), [node; 3], [1.0, 0.0, 0.0], x, skin, touch);
-    }
-}
-
-fn face_features(
-    surface: &SurfaceGeometry,
-    positions: &[Vector3<f64>],
-    tool: &ToolShape,
-    pose: &Isometry3<f64>,
-    (t, axis): (u32, &[Vector3<f64>; 2]),
-    found: &mut Collector,
-) {
-    let Some(corners) = surface.corners(t, positions) else { return };
-    let (nodes, edges) = (surface.triangles()[t as usize], surface.triangle_edges()[t as usize]);
-    samples(axis, &corners, |point, tool_feature| {
-        let x = point.position(&corners);
-        let skin = surface.normal_at(t, &point.weights);
-        if let Some(touch) = touch(tool, pose, &x, &skin) {
-            found.offer(point_feature(t, &nodes, &edges, &point, tool_feature), nodes, point.weights, x, skin, touch);
-        }
-    });
-}
-
-fn hull_corners(
-    surface: &SurfaceGeometry,
-    positions: &[Vector3<f64>],
-    t: u32,
-    (hull, placed): (&ConvexHull, &HullInWorld),
-    found: &mut Collector,
-) {
-    let Some(corners) = surface.corners(t, positions) else { return };
-    let nodes = surface.triangles()[t as usize];
-    placed.corners_on_triangle(hull, &corners, |corner, point, skin, touch| {
-        // Tool features count from 1: 0 is the tissue's own closest point.
-        let id = feature_id(FeatureKind::Triangle, t, corner + 1);
-        found.offer(id, nodes, point.weights, point.position(&corners), skin, touch);
-    });
-}
-
-fn hull_edges(
-    surface: &SurfaceGeometry,
-    positions: &[Vector3<f64>],
-    edge: u32,
-    (hull, placed, within): (&ConvexHull, &HullInWorld, f64),
-    found: &mut Collector,
-) {
-    let [i, j] = surface.edges()[edge as usize];
-    let (Some(a), Some(b)) = (positions.get(i as usize).copied(), positions.get(j as usize).copied()) else { return };
-    let Some(skin) = (surface.vertex_normal(i) + surface.vertex_normal(j)).try_normalize(1e-9) else { return };
-    placed.edges_on_edge(hull, [a, b], &skin, within, |tool_edge, t, touch| {
-        let id = feature_id(FeatureKind::Edge, edge, tool_edge + 1);
-        found.offer(id, [i, j, j], [1.0 - t, t, 0.0], a + (b - a) * t, skin, touch);
-    });
-}
-
 /// Drops features behind the tool that do not face the side it came from.
 fn reject_wrong_side(features: &mut Vec<Feature>, side: Option<Vector3<f64>>, report: &mut DetectionReport) {
     let Some(side) = side else { return };
     let before = features.len();
-    features.retain(|f| f.facing >= 0.0 || f.skin.dot(&side) > 0.5);
-    if features.iter().any(|f| f.facing < -0.5) {
+    features.retain(|f| f.side <= -1.0 || f.skin.dot(&side) > f.side);
+    if features.iter().any(|f| f.submerged) {
         features.retain(|f| f.skin.dot(&side) >= 0.0);
     }
     report.wrong_side = before - features.len();
@@ -412,7 +299,7 @@ fn keep_deepest(
 
     let near = config.merge_distance * config.merge_distance;
     let aligned = config.merge_angle.min(std::f64::consts::PI).cos();
-    contacts.reserve(config.max_contacts);
+    contacts.reserve(config.max_contacts.min(features.capacity()));
     for (visited, feature) in features.iter().enumerate() {
         if contacts.len() == config.max_contacts {
             report.dropped += features.len() - visited;

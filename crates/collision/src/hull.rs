@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 use crate::contact::MAX_TOOL_FEATURES;
 use crate::convert;
-use crate::shape::{ShapeError, ToolPoint};
+use crate::shape::{Outline, ShapeError, ToolPoint};
 use crate::triangle::closest_on_triangle;
 
 /// Edges between faces whose normals differ by less than this angle [rad] lie in one face of the solid.
@@ -198,9 +198,9 @@ impl ConvexHull {
         ToolPoint { distance, point, normal: (x - point) / distance }
     }
 
-    /// Signed distance of `x` to the hull's outline seen along the unit `direction`: negative within it.
-    pub fn lateral_distance(&self, x: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
-        let mut lateral = f64::NEG_INFINITY;
+    /// The hull's outline seen along the unit `direction`, from `x`: distance (negative within it) and outward normal.
+    pub fn outline(&self, x: &Vector3<f64>, direction: &Vector3<f64>) -> Outline {
+        let mut nearest = Outline { distance: f64::NEG_INFINITY, normal: Vector3::zeros() };
         for edge in &self.edges {
             let [a, b] = edge.faces.map(|f| self.normals[f as usize].dot(direction));
             if a * b > 0.0 {
@@ -208,13 +208,16 @@ impl ConvexHull {
             }
             let [p, q] = edge.vertices.map(|v| self.vertices[v as usize]);
             // An edge along the direction is seen as a point, which other edges of the outline hold.
-            let Some(mut side) = (q - p).cross(direction).try_normalize(1e-6 * (q - p).norm()) else { continue };
-            if (self.centre - p).dot(&side) > 0.0 {
-                side = -side;
+            let Some(mut normal) = (q - p).cross(direction).try_normalize(1e-6 * (q - p).norm()) else { continue };
+            if (self.centre - p).dot(&normal) > 0.0 {
+                normal = -normal;
             }
-            lateral = lateral.max((x - p).dot(&side));
+            let distance = (x - p).dot(&normal);
+            if distance > nearest.distance {
+                nearest = Outline { distance, normal };
+            }
         }
-        lateral
+        nearest
     }
 }
 

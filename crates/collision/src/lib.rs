@@ -4,6 +4,7 @@ pub mod broad_phase;
 pub mod contact;
 pub mod convert;
 pub mod detection;
+mod features;
 pub mod hull;
 pub mod narrow_phase;
 pub mod shape;

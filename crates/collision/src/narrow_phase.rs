@@ -10,8 +10,9 @@
 //! * `k >= 1/2`: the normal is `n`, the gap `d(x)`.
 //! * below, `n` without its outward part is blended with `-s`: by the share `w m`, where `m` rises from 0 at `k = 1/2`
 //!   to 1 at `k <= 0`, and `w` rises from 0 at the tool's outline, seen along `s`, to 1 within it. The gap is measured
-//!   to the tool's tangent plane with that normal, `(x - support(n)) · n`. Where a capsule or hull has other ways out
-//!   (across its axis, through its faces), they are bent likewise, and the greatest gap, the shortest way, counts.
+//!   to the tool's tangent plane with that normal, `(x - support(n)) · n`. Other ways out of the tool (`-s` itself, across
+//!   its outline, across the axis of a capsule, through the faces of a hull) are bent likewise, and the greatest gap,
+//!   the shortest way, counts.
 //!
 //! So `normal · (-s) >= 0` always. The gap is continuous in `x` and in the tool's place, agrees with `d` where `k = 1/2`
 //! and with no contact at the outline, and never grows while the tool goes deeper. Below the tool's middle it is the
@@ -38,9 +39,11 @@ pub struct Touch {
     pub normal: Vector3<f64>,
     /// Gap along it [m].
     pub gap: f64,
-    /// `k`: 1 where the nearest way out of the tissue leads straight out of the skin, negative where the tool lies
-    /// below the skin at this point, or where the skin is the far side of a thin organ.
-    pub facing: f64,
+    /// Least cosine between the skin's normal and the side from which the tool came for this to be a touch: -1 for any
+    /// side, -1/2 for all but the opposite one, 1/2 for the same side.
+    pub side: f64,
+    /// The tool lies below the skin here by more than its own inner radius, or altogether.
+    pub submerged: bool,
 }
 
 /// The gap of a tissue point `x` [m] with outward skin normal `skin`; none where the tool neither faces nor covers it.
@@ -53,30 +56,38 @@ pub fn touch(tool: &ToolShape, pose: &Isometry3<f64>, x: &Vector3<f64>, skin: &V
     }
     let on_axis = near.normal == Vector3::zeros();
     let k = if skin.norm_squared() < 0.5 { 1.0 } else { -near.normal.dot(skin) };
-    let straight = Touch { normal: near.normal, gap: near.distance, facing: k };
+    let straight = Touch { normal: near.normal, gap: near.distance, side: -1.0, submerged: false };
     if k >= TRUSTED {
         return (!on_axis).then_some(straight);
     }
-    let lateral = tool.lateral_distance(pose, x, skin);
-    if lateral >= 0.0 {
+    let outline = tool.outline(pose, x, skin);
+    if outline.distance >= 0.0 {
         return (k >= 0.0 && !on_axis).then_some(straight);
     }
-    let covered = (-2.0 * lateral / tool.inner_radius()).min(1.0);
+    let covered = (-2.0 * outline.distance / tool.inner_radius()).min(1.0);
     let mut best: Option<Touch> = None;
     let mut leave = |way: Vector3<f64>| {
         let Some(normal) = bend(&way, skin, covered) else { return };
         let gap = (x - tool.support(pose, &normal)).dot(&normal);
         if best.is_none_or(|b| gap > b.gap) && gap.is_finite() {
-            best = Some(Touch { normal, gap, facing: k });
+            let submerged = k < -0.5 || gap < -tool.inner_radius();
+            best = Some(Touch { normal, gap, side: if k < 0.0 { 0.5 } else { -0.5 }, submerged });
         }
     };
-    leave(if on_axis { -skin } else { near.normal });
+    for way in [-skin, near.normal, outline.normal] {
+        leave(way);
+    }
     tool.exits(pose, skin, leave);
     best
 }
 
 /// A way out of the tool, bent towards `-skin` where it leads along the skin or out of the body.
+///
+/// None for a way of length zero (the nearest way out on an axis).
 fn bend(way: &Vector3<f64>, skin: &Vector3<f64>, covered: f64) -> Option<Vector3<f64>> {
+    if way.norm_squared() < 0.5 {
+        return None;
+    }
     let k = -way.dot(skin);
     if k >= TRUSTED {
         return Some(*way);
@@ -94,9 +105,9 @@ fn bend(way: &Vector3<f64>, skin: &Vector3<f64>, covered: f64) -> Option<Vector3
 pub fn samples(axis: &[Vector3<f64>; 2], corners: &[Vector3<f64>; 3], mut visit: impl FnMut(TrianglePoint, u32)) {
     let [p, q] = axis;
     if p == q {
-        return visit(closest_on_triangle(p, corners), 0);
+        return visit(on_boundary(closest_on_triangle(p, corners).weights, false), 0);
     }
-    visit(closest_to_segment(p, q, corners), 0);
+    visit(on_boundary(closest_to_segment(p, q, corners).weights, false), 0);
     let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
     if (q - p).dot(&normal).abs() > 0.5 * (q - p).norm() * normal.norm() {
         return;
@@ -109,7 +120,8 @@ pub fn samples(axis: &[Vector3<f64>; 2], corners: &[Vector3<f64>; 3], mut visit:
     }
 }
 
-/// A point by its weights; `clipped` where it lies on an edge but for rounding.
+/// A point by its weights, without weights that are only rounding, so that triangles which share the point also share
+/// its feature; `clipped` where it is known to lie on an edge.
 fn on_boundary(mut weights: [f64; 3], clipped: bool) -> TrianglePoint {
     let least = if clipped { weights.iter().copied().fold(f64::INFINITY, f64::min) } else { f64::NEG_INFINITY };
     for w in &mut weights {
@@ -134,6 +146,8 @@ fn on_boundary(mut weights: [f64; 3], clipped: bool) -> TrianglePoint {
 pub struct HullInWorld {
     vertices: Vec<Vector3<f64>>,
     normals: Vec<Vector3<f64>>,
+    centre: Vector3<f64>,
+    inner_radius: f64,
 }
 
 impl HullInWorld {
@@ -143,6 +157,15 @@ impl HullInWorld {
         self.vertices.extend(hull.vertices().iter().map(|v| pose.rotation * v + pose.translation.vector));
         self.normals.clear();
         self.normals.extend(hull.normals().iter().map(|n| pose.rotation * n));
+        self.centre = pose.rotation * hull.centre() + pose.translation.vector;
+        self.inner_radius = hull.inner_radius();
+    }
+
+    /// A touch of a corner or edge. Where the hull's centre lies below the skin through `x`, it has passed it, or this is
+    /// the far skin.
+    fn touch_at(&self, x: &Vector3<f64>, skin: &Vector3<f64>, normal: Vector3<f64>, gap: f64) -> Touch {
+        let passed = (self.centre - x).dot(skin) < 0.0;
+        Touch { normal, gap, side: if passed { 0.5 } else { -1.0 }, submerged: passed || gap < -self.inner_radius }
     }
 
     /// Calls `visit` with each corner of the hull that stands on the triangle: its number, the point, and the touch.
@@ -168,8 +191,7 @@ impl HullInWorld {
             });
             if foremost {
                 let gap = (v - corners[0]).dot(&skin);
-                let facing = if -gap > hull.inner_radius() { -1.0 } else { 1.0 };
-                visit(k as u32, on_boundary(weights, false), skin, Touch { normal: -skin, gap, facing });
+                visit(k as u32, on_boundary(weights, false), skin, self.touch_at(&corners[0], &skin, -skin, gap));
             }
         }
     }
@@ -210,13 +232,13 @@ impl HullInWorld {
                 continue;
             }
             let gap = (a - p).dot(&normal);
-            // Both lines lie in planes across `normal`: solve tool * s - tissue * t = a - p within them.
-            let area = cross.norm_squared();
-            let s = (a - p).cross(&tissue).dot(&cross) / area;
-            let t = (a - p).cross(&tool).dot(&cross) / area;
+            // Where the edges cross, seen along the skin's normal. Seen along their own perpendicular they may cross
+            // beside the hull's end, and claim a depth that the hull does not have.
+            let area = cross.dot(skin);
+            let s = (a - p).cross(&tissue).dot(skin) / area;
+            let t = (a - p).cross(&tool).dot(skin) / area;
             if (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t) {
-                let facing = if -gap > hull.inner_radius() { -1.0 } else { facing };
-                visit(number as u32, t, Touch { normal, gap, facing });
+                visit(number as u32, t, self.touch_at(&a, skin, normal, gap));
             }
         }
     }

@@ -54,6 +54,16 @@ pub struct ToolPoint {
     pub normal: Vector3<f64>,
 }
 
+/// Where a point lies relative to the outline of a tool, seen along a direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outline {
+    /// Signed distance [m]: negative where the line through the point along the direction meets the tool. For a hull
+    /// outside its outline, the distance to the line through the nearest edge.
+    pub distance: f64,
+    /// Outward unit normal of the outline, across the direction; zero in the middle of a round outline.
+    pub normal: Vector3<f64>,
+}
+
 /// A ball inside a tool; balls of [`ToolShape::probes`] tell where a tool lies relative to the skin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
@@ -199,22 +209,26 @@ impl ToolShape {
         pose.transform_point(&Point3::from(point)).coords
     }
 
-    /// Signed distance [m] of `point` to the tool's outline seen along the unit `direction`: negative where the line
-    /// through the point along the direction meets the tool.
-    pub fn lateral_distance(&self, pose: &Isometry3<f64>, point: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
+    /// The tool's outline seen along the unit `direction`, from `point` (world frame, m).
+    pub fn outline(&self, pose: &Isometry3<f64>, point: &Vector3<f64>, direction: &Vector3<f64>) -> Outline {
         let local = pose.inverse_transform_point(&Point3::from(*point)).coords;
         let along = pose.rotation.inverse_transform_vector(direction);
         let flat = |v: Vector3<f64>| v - along * along.dot(&v);
-        match &self.geometry {
-            Geometry::Sphere { radius } => flat(local).norm() - radius,
+        let about = |away: Vector3<f64>, radius: f64| Outline {
+            distance: away.norm() - radius,
+            normal: away.try_normalize(1e-9 * radius).unwrap_or_else(Vector3::zeros),
+        };
+        let outline = match &self.geometry {
+            Geometry::Sphere { radius } => about(flat(local), *radius),
             Geometry::Capsule { half_length, radius } => {
                 let (x, axis) = (flat(local), flat(Vector3::z()));
                 let length = axis.norm_squared();
                 let t = if length > 0.0 { (x.dot(&axis) / length).clamp(-half_length, *half_length) } else { 0.0 };
-                (x - axis * t).norm() - radius
+                about(x - axis * t, *radius)
             }
-            Geometry::Convex(hull) => hull.lateral_distance(&local, &along),
-        }
+            Geometry::Convex(hull) => hull.outline(&local, &along),
+        };
+        Outline { distance: outline.distance, normal: pose.rotation * outline.normal }
     }
 
     /// Calls `visit` with the directions (unit vectors, world frame) in which a point deep inside the tool may leave it

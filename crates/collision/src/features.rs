@@ -1,0 +1,133 @@
+//! From triangles near a tool to features: tissue points with a gap, a normal and the skin's direction.
+
+use nalgebra::{Isometry3, Vector3};
+
+use crate::broad_phase::{SurfaceGeometry, is_usable};
+use crate::contact::{Contact, FeatureKind, feature_id};
+use crate::hull::ConvexHull;
+use crate::narrow_phase::{HullInWorld, Touch, point_feature, samples, touch};
+use crate::shape::ToolShape;
+
+/// A feature within the query box, with what is needed to accept or reject it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Feature {
+    pub(crate) contact: Contact,
+    /// Outward normal of the skin.
+    pub(crate) skin: Vector3<f64>,
+    /// [`Touch::side`].
+    pub(crate) side: f64,
+    /// [`Touch::submerged`].
+    pub(crate) submerged: bool,
+}
+
+/// Deepest first; ties by feature, so that the order never depends on how features were found.
+pub(crate) fn by_depth(a: &Feature, b: &Feature) -> std::cmp::Ordering {
+    a.contact.gap.total_cmp(&b.contact.gap).then(a.contact.feature.cmp(&b.contact.feature))
+}
+
+/// A surface, where it is, and the tool that meets it.
+#[derive(Clone, Copy)]
+pub(crate) struct Meeting<'a> {
+    pub(crate) surface: &'a SurfaceGeometry,
+    pub(crate) positions: &'a [Vector3<f64>],
+    pub(crate) tool: &'a ToolShape,
+    pub(crate) pose: &'a Isometry3<f64>,
+}
+
+/// Where features are collected; when memory is full the shallower half gives way, and is counted.
+pub(crate) struct Collector<'a> {
+    pub(crate) features: &'a mut Vec<Feature>,
+    pub(crate) margin: f64,
+    pub(crate) candidates: usize,
+    pub(crate) dropped: usize,
+}
+
+impl Collector<'_> {
+    /// Keeps a feature whose gap is within the margin. `contact` needs no `tool_point`, `normal` or `gap` yet.
+    fn offer(&mut self, mut contact: Contact, skin: Vector3<f64>, touch: Touch) {
+        self.candidates += 1;
+        if touch.gap.is_nan() || touch.gap > self.margin {
+            return;
+        }
+        if self.features.len() == self.features.capacity() && self.features.len() > 1 {
+            let half = self.features.len() / 2;
+            self.features.select_nth_unstable_by(half, by_depth);
+            self.dropped += self.features.len() - half;
+            self.features.truncate(half);
+        }
+        contact.normal = touch.normal;
+        contact.gap = touch.gap;
+        contact.tool_point = contact.tissue_point - touch.normal * touch.gap;
+        self.features.push(Feature { contact, skin, side: touch.side, submerged: touch.submerged });
+    }
+}
+
+/// A contact at a tissue point that has no gap yet.
+fn at(feature: u64, nodes: [u32; 3], weights: [f64; 3], tissue_point: Vector3<f64>) -> Contact {
+    Contact {
+        feature,
+        nodes,
+        weights,
+        normal: Vector3::zeros(),
+        tissue_point,
+        tool_point: tissue_point,
+        gap: f64::INFINITY,
+    }
+}
+
+impl Meeting<'_> {
+    /// A surface node against the tool.
+    pub(crate) fn node(&self, node: u32, found: &mut Collector) {
+        let Some(x) = self.positions.get(node as usize).copied().filter(is_usable) else { return };
+        let skin = self.surface.vertex_normal(node);
+        if let Some(touch) = touch(self.tool, self.pose, &x, &skin) {
+            let id = feature_id(FeatureKind::Vertex, node, 0);
+            found.offer(at(id, [node; 3], [1.0, 0.0, 0.0], x), skin, touch);
+        }
+    }
+
+    /// The deepest points of a triangle in a sphere or capsule with this axis.
+    pub(crate) fn face(&self, t: u32, axis: &[Vector3<f64>; 2], found: &mut Collector) {
+        let Some(corners) = self.surface.corners(t, self.positions) else { return };
+        let nodes = self.surface.triangles()[t as usize];
+        let edges = self.surface.triangle_edges()[t as usize];
+        samples(axis, &corners, |point, tool_feature| {
+            let x = point.position(&corners);
+            let skin = self.surface.normal_at(t, &point.weights);
+            if let Some(touch) = touch(self.tool, self.pose, &x, &skin) {
+                let id = point_feature(t, &nodes, &edges, &point, tool_feature);
+                found.offer(at(id, nodes, point.weights, x), skin, touch);
+            }
+        });
+    }
+
+    /// Corners of a hull against a triangle. Tool features count from 1: 0 is the tissue's own closest point.
+    pub(crate) fn hull_corners(&self, t: u32, hull: &ConvexHull, placed: &HullInWorld, found: &mut Collector) {
+        let Some(corners) = self.surface.corners(t, self.positions) else { return };
+        let nodes = self.surface.triangles()[t as usize];
+        placed.corners_on_triangle(hull, &corners, |corner, point, skin, touch| {
+            let id = feature_id(FeatureKind::Triangle, t, corner + 1);
+            found.offer(at(id, nodes, point.weights, point.position(&corners)), skin, touch);
+        });
+    }
+
+    /// Edges of a hull against an edge of the surface, as far as they pass within `range` [m] of it.
+    pub(crate) fn hull_edges(
+        &self,
+        edge: u32,
+        hull: &ConvexHull,
+        placed: &HullInWorld,
+        range: f64,
+        found: &mut Collector,
+    ) {
+        let [i, j] = self.surface.edges()[edge as usize];
+        let end = |node: u32| self.positions.get(node as usize).copied().filter(is_usable);
+        let (Some(a), Some(b)) = (end(i), end(j)) else { return };
+        let mean = self.surface.vertex_normal(i) + self.surface.vertex_normal(j);
+        let Some(skin) = mean.try_normalize(1e-9) else { return };
+        placed.edges_on_edge(hull, [a, b], &skin, range, |tool_edge, t, touch| {
+            let id = feature_id(FeatureKind::Edge, edge, tool_edge + 1);
+            found.offer(at(id, [i, j, j], [1.0 - t, t, 0.0], a + (b - a) * t), skin, touch);
+        });
+    }
+}
