@@ -72,7 +72,10 @@ impl PcgWorkspace {
     }
 }
 
-/// Solves `A x = b` from the guess in `x`, with `A` symmetric positive definite. Allocates nothing.
+/// Solves `A x = b` from the guess in `x`, with `A` symmetric positive definite.
+///
+/// Allocates nothing if called on a rayon worker (`ThreadPool::install`). The product `A p` is spread over the pool;
+/// handing work to it from an outside thread makes rayon allocate a queue block now and then.
 ///
 /// A guess that is not finite, or worse than none, is replaced by zero.
 pub fn pcg(

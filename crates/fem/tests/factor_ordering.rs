@@ -81,7 +81,7 @@ fn elimination_tree_separates_its_branches() {
 
 #[test]
 fn fill_is_at_most_that_of_minimum_degree_on_cubes() {
-    // measured: 17 to 26 % below AMD; the bound of 10 % above only guards the property that design relies on
+    // measured: 18 and 20 % below AMD; the bound only guards what the times rest on, that geometry is no worse
     for cells in [[9, 9, 10], [12, 11, 13]] {
         let body = Body::block(cells, 2);
         let nested = SymbolicFactor::new(&body.pattern, &body.positions).unwrap();

@@ -41,9 +41,9 @@ pub enum FactorStatus {
 pub struct FactorReport {
     /// Whether there is a factor.
     pub status: FactorStatus,
-    /// Smallest diagonal entry of `L`, squared [unit of A]; zero unless the status is `Ok`.
+    /// Smallest diagonal entry of `L`, squared, in the unit of `A`; zero unless the status is `Ok`.
     pub smallest_pivot: f64,
-    /// Largest diagonal entry of `L`, squared [unit of A]; zero unless the status is `Ok`. The ratio of the two
+    /// Largest diagonal entry of `L`, squared, in the unit of `A`; zero unless the status is `Ok`. The ratio of the two
     /// bounds the condition number of `A` from below.
     pub largest_pivot: f64,
 }

@@ -67,7 +67,7 @@ pub struct SymbolicFactor {
 }
 
 impl SymbolicFactor {
-    /// Orders by nested dissection of `positions` [m] (one per free node) and analyses. Takes milliseconds to seconds.
+    /// Orders by nested dissection of `positions` (in m, one per free node) and analyses. Takes milliseconds to seconds.
     pub fn new(pattern: &BlockPattern, positions: &[Vector3<f64>]) -> Result<Self, FactorError> {
         if positions.len() != pattern.rows() {
             return Err(FactorError::PositionCount { positions: positions.len(), nodes: pattern.rows() });

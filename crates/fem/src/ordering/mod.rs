@@ -2,17 +2,17 @@
 //!
 //! The node graph is cut by planes into two parts that no element joins once a *separator* of nodes is taken out;
 //! the parts are numbered first (recursively), the separator last (George 1973). Cutting geometry rather than the
-//! graph costs no multilevel machinery and suits meshes of organs. Departures: the vertex separator of a cut is the
-//! minimum vertex cover of the cut edges (König's theorem), not one side of them; leaves are ordered by minimum
+//! graph costs no multilevel machinery. Departures: a plane only says where to look, and the separator is the minimum
+//! vertex cut of a band of nodes around it, so that it follows the thin places of an irregular mesh; leaves are ordered by minimum
 //! degree with the separators around them in view; the order is finally made a postorder of its elimination tree,
 //! without which supernodes would not lie next to each other.
 //!
 //! Set-up code: it allocates. The result depends on its input alone, to the bit.
 
-mod cover;
 mod elimination_tree;
 mod minimum_degree;
 mod separator;
+mod vertex_cut;
 
 use nalgebra::Vector3;
 
@@ -21,9 +21,9 @@ use crate::sparse::BlockPattern;
 pub use elimination_tree::{EliminationTree, NO_PARENT};
 use separator::Splitter;
 
-/// Subgraphs of at most this many nodes are ordered by minimum degree. Below about fifty nodes separators are as
-/// large as the parts they leave; fill on cubes and slabs is flat from 30 to 120.
-const LEAF_NODES: usize = 60;
+/// Subgraphs of at most this many nodes are ordered by minimum degree. The fill changes by less than 2 % from here to
+/// 100 nodes, on blocks of 1,000 to 8,000 nodes and on a human liver of 5,600.
+const LEAF_NODES: usize = 30;
 
 /// A permutation of the free nodes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,7 +64,7 @@ impl NodeOrdering {
     }
 }
 
-/// Orders the nodes of `pattern` by nested dissection of `positions` [m], one per free node.
+/// Orders the nodes of `pattern` by nested dissection of `positions` (in m), one per free node.
 ///
 /// Components that no element joins are ordered one after another. A part that no plane separates usefully (all
 /// positions equal, a complete graph) is ordered by approximate minimum degree; so is everything if a position is

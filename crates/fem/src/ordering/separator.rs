@@ -2,11 +2,13 @@
 
 use nalgebra::Vector3;
 
-use super::cover::BipartiteGraph;
+use super::vertex_cut::{Place, VertexCut};
 use crate::sparse::BlockPattern;
 
-/// Where the nodes, sorted along a direction, are cut. Cuts off the middle often meet a thinner section.
-const FRACTIONS: [f64; 5] = [0.5, 0.45, 0.55, 0.4, 0.6];
+/// Bands of nodes, as shares of the nodes sorted along a direction, in which a separator is looked for. On an
+/// irregular mesh of a human liver (5,600 nodes) factors cost 1.25 Gflop if the separators keep to planes, 0.81 with
+/// bands of about half these widths, 0.66 with these; approximate minimum degree has 0.84.
+const BANDS: [(f64, f64); 3] = [(0.4, 0.6), (0.3, 0.7), (0.2, 0.8)];
 
 /// A split is useful if each part keeps at least this share of the nodes.
 const SMALLEST_PART: f64 = 0.15;
@@ -18,10 +20,11 @@ pub(super) struct Split {
     pub(super) separator: Vec<u32>,
 }
 
-/// Side of a node in the cut that is under trial; nodes outside the set keep `OUTSIDE`.
+/// Where a node lies in the split under trial; nodes outside the set keep `OUTSIDE`.
 const OUTSIDE: u8 = 0;
 const FIRST: u8 = 1;
 const SECOND: u8 = 2;
+const BAND: u8 = 3;
 
 /// The graph, its positions and marks over all nodes that are reused from split to split.
 pub(super) struct Splitter<'a> {
@@ -85,17 +88,17 @@ impl<'a> Splitter<'a> {
             let mut sorted = nodes.to_vec();
             sorted.sort_unstable_by(|&a, &b| coordinate(a).total_cmp(&coordinate(b)).then(a.cmp(&b)));
             if coordinate(sorted[0]) < coordinate(sorted[sorted.len() - 1]) {
-                self.try_cuts(&sorted, &mut best);
+                self.try_bands(&sorted, &mut best);
             }
         }
         best.map(|(_, split)| split)
     }
 
-    /// Cuts the sorted nodes at each fraction and keeps the best split so far.
-    fn try_cuts(&mut self, sorted: &[u32], best: &mut Option<(f64, Split)>) {
-        for fraction in FRACTIONS {
-            let cut = (fraction * sorted.len() as f64).round() as usize;
-            let split = self.separate(sorted, cut);
+    /// Looks for a separator in each band of the sorted nodes and keeps the best split so far.
+    fn try_bands(&mut self, sorted: &[u32], best: &mut Option<(f64, Split)>) {
+        for (from, to) in BANDS {
+            let place = |share: f64| (share * sorted.len() as f64).round() as usize;
+            let split = self.separate(sorted, place(from), place(to));
             let smaller = split.first.len().min(split.second.len());
             if (smaller as f64) < SMALLEST_PART * sorted.len() as f64 {
                 continue;
@@ -107,46 +110,54 @@ impl<'a> Splitter<'a> {
         }
     }
 
-    /// Separates `sorted[..cut]` from `sorted[cut..]` by the fewest nodes that touch every edge between them.
-    fn separate(&mut self, sorted: &[u32], cut: usize) -> Split {
-        for &k in &sorted[..cut] {
-            self.side[k as usize] = FIRST;
-        }
-        for &k in &sorted[cut..] {
-            self.side[k as usize] = SECOND;
-        }
-        let mut right_nodes = Vec::new();
-        for &k in &sorted[cut..] {
-            if self.neighbours(k).iter().any(|&j| self.side[j as usize] == FIRST) {
-                self.local[k as usize] = right_nodes.len() as u32;
-                right_nodes.push(k);
+    /// Separates `sorted[..from]` from `sorted[to..]` by the fewest nodes of the band between.
+    fn separate(&mut self, sorted: &[u32], from: usize, to: usize) -> Split {
+        for (nodes, side) in [(&sorted[..from], FIRST), (&sorted[from..to], BAND), (&sorted[to..], SECOND)] {
+            for &k in nodes {
+                self.side[k as usize] = side;
             }
         }
-        let mut left_nodes = Vec::new();
-        let mut graph = BipartiteGraph { row_start: vec![0], right_of_edge: Vec::new(), right: right_nodes.len() };
-        for &k in &sorted[..cut] {
-            let across = self.neighbours(k).iter().filter(|&&j| self.side[j as usize] == SECOND);
-            let before = graph.right_of_edge.len();
-            graph.right_of_edge.extend(across.map(|&j| self.local[j as usize]));
-            if graph.right_of_edge.len() > before {
-                left_nodes.push(k);
-                graph.row_start.push(graph.right_of_edge.len() as u32);
+        // edges that leap over the band: their first ends join it, so that it can be cut at all
+        for &k in &sorted[..from] {
+            if self.neighbours(k).iter().any(|&j| self.side[j as usize] == SECOND) {
+                self.side[k as usize] = BAND;
             }
         }
-        let cover = graph.minimum_cover();
-        let mut separator = Vec::new();
-        for (nodes, covered) in [(&left_nodes, &cover.left), (&right_nodes, &cover.right)] {
-            for (&k, _) in nodes.iter().zip(covered).filter(|&(_, &covered)| covered) {
-                self.side[k as usize] = OUTSIDE;
-                separator.push(k);
+        let band: Vec<u32> = sorted[..to].iter().copied().filter(|&k| self.side[k as usize] == BAND).collect();
+        for (i, &k) in band.iter().enumerate() {
+            self.local[k as usize] = i as u32;
+        }
+        let mut cut = VertexCut::new(band.len());
+        for (i, &k) in band.iter().enumerate() {
+            let (mut first, mut second) = (false, false);
+            for &j in self.neighbours(k).iter().filter(|&&j| j != k) {
+                match self.side[j as usize] {
+                    FIRST => first = true,
+                    SECOND => second = true,
+                    BAND => cut.join(i as u32, self.local[j as usize]),
+                    _ => {}
+                }
+            }
+            if first {
+                cut.touch_first(i as u32);
+            }
+            if second {
+                cut.touch_second(i as u32);
             }
         }
-        let remaining = |part: &[u32]| part.iter().copied().filter(|&k| self.side[k as usize] != OUTSIDE).collect();
-        let (first, second) = (remaining(&sorted[..cut]), remaining(&sorted[cut..]));
+        for (&k, place) in band.iter().zip(cut.solve()) {
+            self.side[k as usize] = match place {
+                Place::First => FIRST,
+                Place::Cut => BAND,
+                Place::Second => SECOND,
+            };
+        }
+        let on = |side: u8| sorted.iter().copied().filter(|&k| self.side[k as usize] == side).collect();
+        let split = Split { first: on(FIRST), second: on(SECOND), separator: on(BAND) };
         for &k in sorted {
             self.side[k as usize] = OUTSIDE;
         }
-        Split { first, second, separator }
+        split
     }
 }
 
