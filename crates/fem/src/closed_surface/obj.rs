@@ -13,8 +13,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, SurfaceError> {
     // A backslash at the end of a line continues it.
     let text = String::from_utf8_lossy(bytes).replace("\\\r\n", " ").replace("\\\n", " ");
     for (number, line) in text.lines().enumerate() {
-        let malformed =
-            |message: String| SurfaceError::Malformed { format: "OBJ", message: format!("line {}: {message}", number + 1) };
+        let malformed = |message: String| SurfaceError::Malformed {
+            format: "OBJ",
+            message: format!("line {}: {message}", number + 1),
+        };
         let mut words = line.split_whitespace();
         match words.next() {
             Some("v") => {
@@ -29,11 +31,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, SurfaceError> {
                 face.clear();
                 for word in words {
                     let index = word.split('/').next().unwrap_or("");
-                    let vertex = index
-                        .parse::<i64>()
-                        .ok()
-                        .and_then(|i| resolve(i, soup.vertices.len()))
-                        .ok_or_else(|| malformed(format!("'{word}' names none of the {} vertices so far", soup.vertices.len())))?;
+                    let vertex =
+                        index.parse::<i64>().ok().and_then(|i| resolve(i, soup.vertices.len())).ok_or_else(|| {
+                            malformed(format!("'{word}' names none of the {} vertices so far", soup.vertices.len()))
+                        })?;
                     face.push(vertex);
                 }
                 if face.len() < 3 {

@@ -57,7 +57,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, SurfaceError> {
                 for (number, face) in elements.iter().enumerate() {
                     let v = &face.vertices;
                     if v.len() < 3 {
-                        return Err(malformed(format!("face {number} has {} vertices; it needs three or more", v.len())));
+                        return Err(malformed(format!(
+                            "face {number} has {} vertices; it needs three or more",
+                            v.len()
+                        )));
                     }
                     soup.triangles.extend((2..v.len()).map(|i| [v[0], v[i - 1], v[i]]));
                 }

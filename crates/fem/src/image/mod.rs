@@ -44,7 +44,9 @@ pub enum ImageError {
         source: std::io::Error,
     },
     /// The extension names no image format that is read here.
-    #[error("{file}: not a label image that is read here; give an INRIMAGE-4 (.inr, .inr.gz) or NIfTI-1 (.nii, .nii.gz)")]
+    #[error(
+        "{file}: not a label image that is read here; give an INRIMAGE-4 (.inr, .inr.gz) or NIfTI-1 (.nii, .nii.gz)"
+    )]
     UnknownFormat {
         /// The file as it was named.
         file: String,
@@ -75,12 +77,7 @@ pub enum ImageError {
 
 impl LabelImage {
     /// Makes an image and checks that dimensions, spacing and number of labels fit.
-    pub fn new(
-        dims: [usize; 3],
-        spacing: [f64; 3],
-        origin: Vector3<f64>,
-        labels: Vec<u8>,
-    ) -> Result<Self, ImageError> {
+    pub fn new(dims: [usize; 3], spacing: [f64; 3], origin: Vector3<f64>, labels: Vec<u8>) -> Result<Self, ImageError> {
         let wrong = |message: String| Err(ImageError::Inconsistent { message });
         if spacing.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
             return wrong(format!("spacing {spacing:?} m must be positive and finite"));
@@ -141,6 +138,13 @@ impl LabelImage {
             counts[usize::from(label)] += 1;
         }
         counts
+    }
+
+    /// Makes everything background but the given labels.
+    pub fn retain_labels(&mut self, labels: &[u8]) {
+        let mut keep = [0u8; 256];
+        labels.iter().for_each(|&label| keep[usize::from(label)] = label);
+        self.labels.iter_mut().for_each(|label| *label = keep[usize::from(*label)]);
     }
 
     /// Label at a point [m] (nearest voxel); background outside the box.

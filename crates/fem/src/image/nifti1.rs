@@ -23,7 +23,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<LabelImage, ImageError> {
     })?;
     let kind = Number::of(&header)?;
     let gap = header.vox_offset as f64 - HEADER_SIZE as f64;
-    if !(gap >= 0.0 && gap < 1e9 && gap.fract() == 0.0) {
+    if !(0.0..1e9).contains(&gap) || gap.fract() != 0.0 {
         return Err(malformed(format!("vox_offset = {} must be a whole number from 348 up", header.vox_offset)));
     }
     read_exactly(&mut *source, gap as usize, bound, FORMAT)?;

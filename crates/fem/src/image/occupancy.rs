@@ -49,11 +49,10 @@ impl SmoothedOccupancy {
         let origin = Vector3::from_fn(|a, _| 0.5 * (lower[a] + upper[a] - dims[a] as f64 * spacing));
 
         let mut occupancy = box_average(image, (low, high), dims, spacing, &origin);
+        let filled_volume = fill_voids(&mut occupancy, dims) * spacing.powi(3);
         blur(&mut occupancy, dims, sigma / spacing);
-        let volume =
-            image.labels.iter().filter(|&&label| label != 0).count() as f64 * image.voxel_volume();
-        let iso = iso_of_volume(&occupancy, volume / spacing.powi(3));
-        let filled = fill_voids(&mut occupancy, dims, iso);
+        let volume = image.labels.iter().filter(|&&label| label != 0).count() as f64 * image.voxel_volume();
+        let iso = iso_of_volume(&occupancy, (volume + filled_volume) / spacing.powi(3));
         // The average over a grid cell adds the variance of a box to that of the kernel.
         let width = (sigma * sigma + spacing * spacing / 12.0).sqrt();
         Some(Self {
@@ -65,7 +64,7 @@ impl SmoothedOccupancy {
             slope: width * (2.0 * std::f64::consts::PI).sqrt(),
             bounds: [lower, upper],
             volume,
-            filled_volume: filled as f64 * spacing.powi(3),
+            filled_volume,
         })
     }
 
@@ -196,8 +195,7 @@ fn blur(values: &mut [f32], dims: [usize; 3], sigma: f64) {
     if reach == 0 {
         return;
     }
-    let mut kernel: Vec<f32> =
-        (0..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp() as f32).collect();
+    let mut kernel: Vec<f32> = (0..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp() as f32).collect();
     let total = 2.0 * kernel.iter().sum::<f32>() - kernel[0];
     kernel.iter_mut().for_each(|w| *w /= total);
 
@@ -258,34 +256,47 @@ fn iso_of_volume(occupancy: &[f32], cells: f64) -> f32 {
     iso.clamp(0.2, 0.7)
 }
 
-/// Sets cells at or below `iso` that are not connected with the grid's border to 1; returns how many.
-fn fill_voids(occupancy: &mut [f32], dims: [usize; 3], iso: f32) -> usize {
-    let [nx, ny, nz] = dims;
+/// Fills what the outside cannot reach through cells that are less than half full, together with the partly filled
+/// cells around it; returns the occupancy that was missing there.
+fn fill_voids(occupancy: &mut [f32], dims: [usize; 3]) -> f64 {
     let mut outside = vec![false; occupancy.len()];
     // The two outermost layers are empty by construction, so that the first cell is outside.
     let mut stack = vec![0usize];
     outside[0] = true;
     while let Some(cell) = stack.pop() {
-        let (i, j, k) = (cell % nx, cell / nx % ny, cell / (nx * ny));
-        let mut visit = |inside: bool, other: usize| {
-            if inside && !outside[other] && occupancy[other] <= iso {
+        for_each_neighbour(cell, dims, |other| {
+            if !outside[other] && occupancy[other] < 0.5 {
                 outside[other] = true;
                 stack.push(other);
             }
-        };
-        visit(i > 0, cell.wrapping_sub(1));
-        visit(i + 1 < nx, cell + 1);
-        visit(j > 0, cell.wrapping_sub(nx));
-        visit(j + 1 < ny, cell + nx);
-        visit(k > 0, cell.wrapping_sub(nx * ny));
-        visit(k + 1 < nz, cell + nx * ny);
+        });
     }
-    let mut filled = 0;
-    for (value, outside) in occupancy.iter_mut().zip(outside) {
-        if !outside && *value <= iso {
-            *value = 1.0;
-            filled += 1;
+    let voids: Vec<usize> = (0..occupancy.len()).filter(|&c| !outside[c] && occupancy[c] < 0.5).collect();
+    let mut missing = 0.0;
+    let mut fill = |cell: usize| {
+        missing += f64::from(1.0 - occupancy[cell]);
+        occupancy[cell] = 1.0;
+    };
+    for cell in voids {
+        fill(cell);
+        for_each_neighbour(cell, dims, |other| {
+            if !outside[other] {
+                fill(other);
+            }
+        });
+    }
+    missing
+}
+
+/// The up to six cells that share a face with a cell.
+fn for_each_neighbour(cell: usize, [nx, ny, nz]: [usize; 3], mut visit: impl FnMut(usize)) {
+    let (i, j, k) = (cell % nx, cell / nx % ny, cell / (nx * ny));
+    for (at, size, stride) in [(i, nx, 1), (j, ny, nx), (k, nz, nx * ny)] {
+        if at > 0 {
+            visit(cell - stride);
+        }
+        if at + 1 < size {
+            visit(cell + stride);
         }
     }
-    filled
 }

@@ -3,8 +3,8 @@
 //! Every tetrahedron is sampled on a barycentric grid about as fine as the voxels. Regions are then filled in
 //! ascending order of their labels' volume: a region takes free tetrahedra by descending share of its label until it
 //! has the label's volume, but none with a share below `MIN_SHARE`; the largest region takes the rest. So a branching
-//! or small structure keeps its volume where a majority vote would lose it, and a label always gets the tetrahedron
-//! that holds most of it.
+//! or small structure keeps its volume where a majority vote would lose it. Every label gets the tetrahedron that
+//! holds most of it, unless its volume is less than half a tetrahedron: stray voxels are no region.
 
 use crate::mesh::TetMesh;
 
@@ -22,8 +22,8 @@ pub(super) fn assign(mesh: &mut TetMesh, image: &LabelImage, stuffing: &Stuffing
     labels.sort_by_key(|&l| (histogram[usize::from(l)], l));
     let order = |label: u8| labels.iter().position(|&l| l == label);
 
-    let volumes: Vec<f64> =
-        mesh.tetrahedra.iter().map(|t| volume(&t.map(|n| mesh.nodes[n as usize]))).collect();
+    let volumes: Vec<f64> = mesh.tetrahedra.iter().map(|t| volume(&t.map(|n| mesh.nodes[n as usize]))).collect();
+    let mean_volume = volumes.iter().sum::<f64>() / volumes.len().max(1) as f64;
     let shares = shares(mesh, image, &order, labels.len());
 
     let free = u16::MAX;
@@ -34,6 +34,9 @@ pub(super) fn assign(mesh: &mut TetMesh, image: &LabelImage, stuffing: &Stuffing
         let share = |t: usize| f64::from(shares[t * labels.len() + rank]);
         let mut candidates: Vec<usize> = (0..taken.len()).filter(|&t| taken[t] == free).collect();
         let largest = rank + 1 == labels.len();
+        if !largest && label_volume < 0.5 * mean_volume {
+            candidates.clear();
+        }
         if !largest {
             candidates.retain(|&t| share(t) > 0.0);
             candidates.sort_by(|&s, &t| share(t).total_cmp(&share(s)).then(s.cmp(&t)));
@@ -52,7 +55,14 @@ pub(super) fn assign(mesh: &mut TetMesh, image: &LabelImage, stuffing: &Stuffing
             tetrahedra += 1;
             least_share = least_share.min(share(t));
         }
-        regions.push(RegionReport { label, name: stuffing.name_of(label), label_volume, volume, tetrahedra, least_share });
+        regions.push(RegionReport {
+            label,
+            name: stuffing.name_of(label),
+            label_volume,
+            volume,
+            tetrahedra,
+            least_share,
+        });
     }
 
     // Regions in the order of the label table and then of the labels; those without a tetrahedron are left out.
@@ -68,12 +78,7 @@ pub(super) fn assign(mesh: &mut TetMesh, image: &LabelImage, stuffing: &Stuffing
 }
 
 /// Share of each label (by its rank) among the labelled samples of each tetrahedron, row by row.
-fn shares(
-    mesh: &TetMesh,
-    image: &LabelImage,
-    order: &impl Fn(u8) -> Option<usize>,
-    ranks: usize,
-) -> Vec<f32> {
+fn shares(mesh: &TetMesh, image: &LabelImage, order: &impl Fn(u8) -> Option<usize>, ranks: usize) -> Vec<f32> {
     let mut rank_of = [usize::MAX; 256];
     for label in 1..=255u8 {
         rank_of[usize::from(label)] = order(label).unwrap_or(usize::MAX);

@@ -7,8 +7,11 @@ use super::{Stuffing, StuffingError, stuff_image};
 /// Trials before the search settles for the nearest.
 const MAX_TRIALS: usize = 12;
 
-/// A cell [m] for which `count_nodes(cell)` is within `tolerance` (relative) of `nodes`, by secant steps on
-/// log(nodes) against log(cell), which is close to a line of slope -3 to -2.5.
+/// A relative error that is accepted when no trial came within the tolerance: the number of nodes jumps with the cell.
+const ACCEPTED: f64 = 0.1;
+
+/// A cell [m] for which `count_nodes(cell)` is within `tolerance` (relative) of `nodes`, or the nearest of twelve
+/// trials if it is within a tenth: secant steps on log(nodes) against log(cell), nearly a line of slope -3 to -2.5.
 pub fn cell_for_nodes(
     nodes: usize,
     first: f64,
@@ -36,15 +39,16 @@ pub fn cell_for_nodes(
         last = Some((cell, error(count)));
         cell *= (-error(count) / slope).exp();
     }
-    Err(StuffingError::NoSuchSize { nodes, nearest: best.map_or(0, |(_, count)| count) })
+    match best {
+        Some((cell, count)) if error(count).abs() <= ACCEPTED => Ok(cell),
+        _ => Err(StuffingError::NoSuchSize { nodes, nearest: best.map_or(0, |(_, count)| count) }),
+    }
 }
 
-/// A cell [m] for which the mesh of an image has `nodes` nodes within 2 %.
-pub fn cell_for_nodes_of_image(
-    image: &LabelImage,
-    nodes: usize,
-    stuffing: &Stuffing,
-) -> Result<f64, StuffingError> {
+/// A cell [m] for which the mesh of an image has `nodes` nodes within 2 %, or as near as
+/// [`cell_for_nodes`] comes. For the bundled liver: 15.5 mm for 1,500, 12.0 mm for 3,000, 8.4 mm for 8,000, 7.7 mm for
+/// 10,000.
+pub fn cell_for_nodes_of_image(image: &LabelImage, nodes: usize, stuffing: &Stuffing) -> Result<f64, StuffingError> {
     let labelled = image.labels.iter().filter(|&&l| l != 0).count() as f64 * image.voxel_volume();
     if labelled == 0.0 {
         return Err(StuffingError::Empty);

@@ -119,3 +119,151 @@ fn joins_first(cut: &CutLattice, a: u32, b: u32, m: u32) -> bool {
     let centres = pa[0] & 1 == 1;
     (greater % 2 == 1) != centres
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::stuffing::MeshQuality;
+    use crate::stuffing::cut::{ALPHA_LONG, ALPHA_SHORT};
+    use crate::stuffing::lattice::{Lattice, NEIGHBOURS};
+
+    /// Where a vertex of sign 0 may lie: at home, or at the far end of what warping allows along any of its edges,
+    /// but not towards another vertex of sign 0 of the same tetrahedron (the order of warping sees to that).
+    fn warps(lattice: &Lattice, vertex: u32, zeros: &[u32]) -> Vec<Vector3<f64>> {
+        let home = lattice.position(vertex);
+        let c = lattice.coordinates(vertex);
+        let mut places = vec![home];
+        for (n, step) in NEIGHBOURS.iter().enumerate() {
+            let other = lattice.vertex_at([c[0] + step[0], c[1] + step[1], c[2] + step[2]]).unwrap();
+            if !zeros.contains(&other) {
+                let alpha = if n < 6 { ALPHA_LONG } else { ALPHA_SHORT };
+                places.push(home + (lattice.position(other) - home) * alpha);
+            }
+        }
+        places
+    }
+
+    /// All ways to take one of each list.
+    fn combinations(sizes: &[usize]) -> Vec<Vec<usize>> {
+        sizes.iter().fold(vec![Vec::new()], |all, &size| {
+            all.iter().flat_map(|head| (0..size).map(move |i| [head.as_slice(), &[i]].concat())).collect()
+        })
+    }
+
+    /// Smallest and largest dihedral angle [°] and volume over everything that warping can leave of a tetrahedron.
+    fn extremes(lattice: &Lattice, tetrahedron: [u32; 4], signs: [i8; 4], range: &mut (f64, f64, f64)) {
+        let with = |s: i8| (0..4).filter(move |&i| signs[i] == s).map(|i| tetrahedron[i]).collect::<Vec<_>>();
+        let (plus, zeros, minus) = (with(1), with(0), with(-1));
+        let places: Vec<_> = zeros.iter().map(|&z| warps(lattice, z, &zeros)).collect();
+        let edges: Vec<_> = plus.iter().flat_map(|&p| minus.iter().map(move |&m| (p, m))).collect();
+        let cuts: Vec<_> = edges
+            .iter()
+            .map(|&(p, m)| {
+                let alpha = if lattice.is_long(p, m) { ALPHA_LONG } else { ALPHA_SHORT };
+                [alpha, 0.5, 1.0 - alpha]
+            })
+            .collect();
+        let mut all_signs = vec![-1; lattice.vertex_count() as usize];
+        (0..4).for_each(|i| all_signs[tetrahedron[i] as usize] = signs[i]);
+        let sizes: Vec<usize> = places.iter().map(Vec::len).chain(cuts.iter().map(|c| c.len())).collect();
+        for pick in combinations(&sizes) {
+            let warped = (0..zeros.len()).map(|i| (zeros[i], places[i][pick[i]])).collect();
+            let cut: Vec<_> = (0..edges.len()).map(|i| (edges[i], cuts[i][pick[zeros.len() + i]])).collect();
+            let cut = CutLattice::assembled(lattice.clone(), all_signs.clone(), warped, &cut);
+            let mut inside = Vec::new();
+            clip_one(&cut, tetrahedron, &mut inside);
+            let count = lattice.vertex_count();
+            let nodes: Vec<_> = inside
+                .iter()
+                .flatten()
+                .map(|&k| if k < count { cut.vertex_position(k) } else { cut.cut_position(k - count) })
+                .collect();
+            let tetrahedra: Vec<_> = (0..inside.len() as u32).map(|t| [0, 1, 2, 3].map(|i| 4 * t + i)).collect();
+            let quality = MeshQuality::of(&nodes, &tetrahedra);
+            range.0 = range.0.min(quality.smallest_dihedral.to_degrees());
+            range.1 = range.1.max(quality.largest_dihedral.to_degrees());
+            range.2 = range.2.min(quality.smallest_volume);
+        }
+    }
+
+    #[test]
+    fn dihedral_angles_lie_between_10_7_and_164_8_degrees_over_all_warps_and_cuts() {
+        let lattice = Lattice::around([Vector3::zeros(), Vector3::repeat(1.0)], 1.0);
+        // One tetrahedron around each axis, both chiralities of the parity rule among them.
+        let middle = lattice.vertex_at([3, 3, 3]).unwrap();
+        let mut tetrahedra = Vec::new();
+        lattice.for_each_tetrahedron(|t| {
+            if t[0] == middle {
+                tetrahedra.push(t);
+            }
+        });
+        assert_eq!(tetrahedra.len(), 12);
+        let mut range = (180.0, 0.0, f64::INFINITY);
+        for &tetrahedron in [0, 1, 4, 9].map(|i| &tetrahedra[i]) {
+            for signs in combinations(&[3, 3, 3, 3]) {
+                let signs = [0, 1, 2, 3].map(|i| signs[i] as i8 - 1);
+                if signs.contains(&1) {
+                    extremes(&lattice, tetrahedron, signs, &mut range);
+                }
+            }
+        }
+        // 10.780° and 164.702°; the least volume is a thirtieth of a lattice tetrahedron.
+        assert!(range.0 > 10.7 && range.1 < 164.8 && range.2 > 2.69e-3, "{range:?}");
+    }
+
+    #[test]
+    fn the_stencils_of_a_tetrahedron_fill_its_inside() {
+        // All cuts in the middle of their edges: the clipped-off parts have known volumes.
+        let lattice = Lattice::around([Vector3::zeros(), Vector3::repeat(1.0)], 1.0);
+        let middle = lattice.vertex_at([3, 3, 3]).unwrap();
+        lattice.for_each_tetrahedron(|t| {
+            if t[0] != middle {
+                return;
+            }
+            for signs in combinations(&[2, 2, 2, 2]) {
+                let signs = [0, 1, 2, 3].map(|i| 2 * signs[i] as i8 - 1);
+                let plus = signs.iter().filter(|&&s| s > 0).count();
+                let mut all_signs = vec![-1; lattice.vertex_count() as usize];
+                (0..4).for_each(|i| all_signs[t[i] as usize] = signs[i]);
+                let edges = combinations(&[4, 4]).into_iter().filter(|e| signs[e[0]] > 0 && signs[e[1]] < 0);
+                let cuts: Vec<_> = edges.map(|e| ((t[e[0]], t[e[1]]), 0.5)).collect();
+                let cut = CutLattice::assembled(lattice.clone(), all_signs, Vec::new(), &cuts);
+                let mut inside = Vec::new();
+                clip_one(&cut, t, &mut inside);
+                let count = lattice.vertex_count();
+                let volume: f64 = inside
+                    .iter()
+                    .map(|t| {
+                        let at = |k: u32| if k < count { cut.vertex_position(k) } else { cut.cut_position(k - count) };
+                        let [p, q, r, s] = t.map(at);
+                        (q - p).cross(&(r - p)).dot(&(s - p)) / 6.0
+                    })
+                    .sum();
+                let expected = [0.0, 0.125, 0.5, 0.875, 1.0][plus] / 12.0;
+                assert!((volume - expected).abs() < 1e-14, "{signs:?}: {volume} for {expected}");
+            }
+        });
+    }
+
+    #[test]
+    fn both_sides_of_a_face_choose_the_same_diagonal() {
+        // The rule looks at the face only; a and b may come in either order.
+        let lattice = Lattice::around([Vector3::zeros(), Vector3::repeat(1.0)], 1.0);
+        let cut = CutLattice::assembled(lattice.clone(), vec![1; lattice.vertex_count() as usize], Vec::new(), &[]);
+        let mut parity: BTreeMap<bool, usize> = BTreeMap::new();
+        lattice.for_each_tetrahedron(|t| {
+            for [a, b, m] in [[0, 1, 2], [0, 1, 3], [2, 3, 0], [2, 3, 1], [0, 2, 1], [0, 2, 3]].map(|f| f.map(|i| t[i]))
+            {
+                assert_ne!(joins_first(&cut, a, b, m), joins_first(&cut, b, a, m));
+                if lattice.is_long(a, b) {
+                    *parity.entry(joins_first(&cut, a, b, m)).or_default() += 1;
+                }
+            }
+        });
+        assert_eq!(parity.len(), 2, "the parity rule must take both values");
+    }
+}

@@ -7,17 +7,17 @@ use nalgebra::Vector3;
 use palpate_fem::mesh::TetMesh;
 use palpate_fem::stuffing::LevelSet;
 
-pub struct Sphere {
-    pub centre: Vector3<f64>,
-    pub radius: f64,
+pub(crate) struct Sphere {
+    pub(crate) centre: Vector3<f64>,
+    pub(crate) radius: f64,
 }
 
 impl Sphere {
-    pub fn volume(&self) -> f64 {
+    pub(crate) fn volume(&self) -> f64 {
         4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3)
     }
 
-    pub fn area(&self) -> f64 {
+    pub(crate) fn area(&self) -> f64 {
         4.0 * std::f64::consts::PI * self.radius.powi(2)
     }
 }
@@ -33,15 +33,15 @@ impl LevelSet for Sphere {
 }
 
 /// A torus around an axis through its centre.
-pub struct Torus {
-    pub centre: Vector3<f64>,
-    pub axis: Vector3<f64>,
-    pub ring: f64,
-    pub tube: f64,
+pub(crate) struct Torus {
+    pub(crate) centre: Vector3<f64>,
+    pub(crate) axis: Vector3<f64>,
+    pub(crate) ring: f64,
+    pub(crate) tube: f64,
 }
 
 impl Torus {
-    pub fn volume(&self) -> f64 {
+    pub(crate) fn volume(&self) -> f64 {
         2.0 * std::f64::consts::PI.powi(2) * self.ring * self.tube.powi(2)
     }
 }
@@ -63,7 +63,7 @@ impl LevelSet for Torus {
 
 /// A union of balls: creases, contacts and parts thinner than a cell.
 #[derive(Debug)]
-pub struct Blobs(pub Vec<(Vector3<f64>, f64)>);
+pub(crate) struct Blobs(pub(crate) Vec<(Vector3<f64>, f64)>);
 
 impl LevelSet for Blobs {
     fn value(&self, point: &Vector3<f64>) -> f64 {
@@ -82,7 +82,7 @@ impl LevelSet for Blobs {
 }
 
 /// Faces of one tetrahedron only, oriented outward.
-pub fn boundary(mesh: &TetMesh) -> Vec<[u32; 3]> {
+pub(crate) fn boundary(mesh: &TetMesh) -> Vec<[u32; 3]> {
     let mut faces: BTreeMap<[u32; 3], ([u32; 3], usize)> = BTreeMap::new();
     for &[a, b, c, d] in &mesh.tetrahedra {
         for face in [[b, c, d], [a, d, c], [a, b, d], [a, c, b]] {
@@ -96,7 +96,7 @@ pub fn boundary(mesh: &TetMesh) -> Vec<[u32; 3]> {
 }
 
 /// Every edge twice, in opposite directions, and the triangles around every node a single fan.
-pub fn is_closed_surface(triangles: &[[u32; 3]]) -> bool {
+pub(crate) fn is_closed_surface(triangles: &[[u32; 3]]) -> bool {
     let mut edges = BTreeSet::new();
     let mut links: BTreeMap<u32, BTreeMap<u32, u32>> = BTreeMap::new();
     for &[a, b, c] in triangles {
@@ -123,13 +123,13 @@ pub fn is_closed_surface(triangles: &[[u32; 3]]) -> bool {
 }
 
 /// Vertices - edges + triangles of a closed surface: 2 for a sphere, 0 for a torus.
-pub fn euler_characteristic(triangles: &[[u32; 3]]) -> i64 {
+pub(crate) fn euler_characteristic(triangles: &[[u32; 3]]) -> i64 {
     let nodes: BTreeSet<u32> = triangles.iter().flatten().copied().collect();
     nodes.len() as i64 - triangles.len() as i64 / 2
 }
 
 /// Volume that a boundary encloses by the divergence theorem [m³]: positive if it is oriented outward.
-pub fn enclosed_volume(mesh: &TetMesh, triangles: &[[u32; 3]]) -> f64 {
+pub(crate) fn enclosed_volume(mesh: &TetMesh, triangles: &[[u32; 3]]) -> f64 {
     triangles
         .iter()
         .map(|t| {
