@@ -9,8 +9,9 @@
 //! ([`ContactSet::side`]): the skin nearest to the tool's innermost probe. While that probe is outside, the memory
 //! follows, except to the opposite side of a tool that still touches; inside, only as far as the skin turns by less
 //! than 60 degrees a step. A feature that lies
-//! behind the tool needs `skin · u > 1/2`, one beside it that the skin decides about `skin · u > -1/2`
-//! ([`Touch::side`](crate::narrow_phase::Touch)). While the tool is submerged, skin with `skin · u < 0` is rejected
+//! behind the tool needs `skin · u > 1/2`, and the tool's core to lie in the body (or to have come through it): a flap
+//! above a tool in a cavity is not skin that the tool has passed. A feature beside the tool that the skin decides about
+//! needs `skin · u > -1/2` ([`Touch::side`](crate::narrow_phase::Touch)). While the tool is submerged, skin with `skin · u < 0` is rejected
 //! altogether, since the tool may have come out of the far side. A tool that appears inside the body takes the
 //! nearest skin; [`DetectionReport::tool_inside`] tells set-up to refuse it.
 
@@ -214,7 +215,8 @@ pub fn detect(
     ws.nodes.begin(surface.body_nodes());
     ws.edges.begin(surface.edges().len());
     let meeting = Meeting { surface, positions, tool, pose };
-    report.tool_inside = follow_side(&meeting, touching, &mut out.side);
+    let came = follow_side(&meeting, touching, &mut out.side);
+    report.tool_inside = came.inside;
 
     // Features of triangles near the tool.
     let (low, high) = tool.bounding_box(pose);
@@ -241,15 +243,21 @@ pub fn detect(
     report.candidates = found.candidates;
     report.dropped = found.dropped;
 
-    reject_wrong_side(&mut ws.features, out.side, &mut report);
+    reject_wrong_side(&meeting, &mut ws.features, &came, out.side, &mut report);
     keep_deepest(&mut ws.features, config, &mut out.contacts, &mut report);
     report
 }
 
-/// Updates the outward normal of the skin through which the tool came; true where the whole tool lies below the skin.
-///
-/// `touching`: the step before had contacts.
-fn follow_side(meeting: &Meeting, touching: bool, side: &mut Option<Vector3<f64>>) -> bool {
+/// Where a tool lies relative to the skin through which it came.
+struct Came {
+    /// The whole tool lies below the skin.
+    inside: bool,
+    /// It has come out of the far side of something thin.
+    through: bool,
+}
+
+/// Updates the outward normal of the skin through which the tool came. `touching`: the step before had contacts.
+fn follow_side(meeting: &Meeting, touching: bool, side: &mut Option<Vector3<f64>>) -> Came {
     let Meeting { surface, positions, tool, pose } = *meeting;
     let mut innermost: Option<(f64, Vector3<f64>)> = None;
     let mut all_below = true;
@@ -260,23 +268,37 @@ fn follow_side(meeting: &Meeting, touching: bool, side: &mut Option<Vector3<f64>
             innermost = Some((near.signed_distance, near.normal));
         }
     }
-    let Some((depth, normal)) = innermost else { return false };
-    *side = match *side {
-        // Inside, another side may be nearer than the one it came through.
-        Some(before) if depth < 0.0 && before.dot(&normal) <= 0.5 => Some(before),
-        // Outside again, but beyond the far skin of something thin.
-        Some(before) if touching && before.dot(&normal) < -0.5 => Some(before),
-        _ => Some(normal),
-    };
+    let Some((depth, normal)) = innermost else { return Came { inside: false, through: false } };
+    let turn = side.map_or(1.0, |before| before.dot(&normal));
+    // Inside, another side may be nearer than the one it came through; outside, it may be beyond the far skin.
+    let through = depth >= 0.0 && touching && turn < -0.5;
+    if !through && (depth >= 0.0 || turn > 0.5) {
+        *side = Some(normal);
+    }
+    side.get_or_insert(normal);
     // The sign of the nearest point can err at sharp edges, so a rare and costly answer is checked.
-    all_below && surface.contains(&tool.bounding_sphere(pose).0, positions)
+    let inside = all_below && surface.contains(&tool.bounding_sphere(pose).0, positions);
+    Came { inside, through }
 }
 
-/// Drops features behind the tool that do not face the side it came from.
-fn reject_wrong_side(features: &mut Vec<Feature>, side: Option<Vector3<f64>>, report: &mut DetectionReport) {
+/// Drops features that do not face the side the tool came from, and those that the tool has not passed.
+fn reject_wrong_side(
+    meeting: &Meeting,
+    features: &mut Vec<Feature>,
+    came: &Came,
+    side: Option<Vector3<f64>>,
+    report: &mut DetectionReport,
+) {
     let Some(side) = side else { return };
     let before = features.len();
-    features.retain(|f| f.side <= -1.0 || f.skin.dot(&side) > f.side);
+    let passed = |x: &Vector3<f64>| {
+        let core = meeting.tool.core(meeting.pose, x);
+        came.through || meeting.surface.nearest(&core, meeting.positions).is_some_and(|near| near.signed_distance < 0.0)
+    };
+    features.retain(|f| {
+        let faces = f.side <= -1.0 || f.skin.dot(&side) > f.side;
+        faces && (f.side < 0.5 || passed(&f.contact.tissue_point))
+    });
     if features.iter().any(|f| f.submerged) {
         features.retain(|f| f.skin.dot(&side) >= 0.0);
     }

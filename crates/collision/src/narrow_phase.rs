@@ -17,7 +17,8 @@
 //! So `normal · (-s) >= 0` always. The gap is continuous in `x` and in the tool's place, agrees with `d` where `k = 1/2`
 //! and with no contact at the outline, and never grows while the tool goes deeper. Below the tool's middle it is the
 //! depth of the tool's lowest point: the tool leaves through the side it came from, never sideways through a hole.
-//! Features with `k < 0` outside the outline are not touched by the tool at all.
+//! Features with `k < 0` outside the outline are not touched by the tool at all. Rows hold a normal still during a step:
+//! for a bent one they are the derivative of the gap to that plane, for all others of the gap itself.
 //!
 //! A hull also touches with its own corners (the skin's normal is then the normal) and edges (the common perpendicular).
 
@@ -232,12 +233,15 @@ impl HullInWorld {
                 continue;
             }
             let gap = (a - p).dot(&normal);
-            // Where the edges cross, seen along the skin's normal. Seen along their own perpendicular they may cross
-            // beside the hull's end, and claim a depth that the hull does not have.
-            let area = cross.dot(skin);
-            let s = (a - p).cross(&tissue).dot(skin) / area;
-            let t = (a - p).cross(&tool).dot(skin) / area;
-            if (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t) {
+            // They touch where they cross, seen along their perpendicular; but seen along the skin's normal they must
+            // cross too: else the crossing lies beside the hull's end, and claims a depth that the hull does not have.
+            let crossing = |along: &Vector3<f64>| {
+                let area = cross.dot(along);
+                let s = (a - p).cross(&tissue).dot(along) / area;
+                let t = (a - p).cross(&tool).dot(along) / area;
+                ((0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t)).then_some(t)
+            };
+            if let (Some(t), Some(_)) = (crossing(&cross), crossing(skin)) {
                 visit(number as u32, t, self.touch_at(&a, skin, normal, gap));
             }
         }

@@ -209,6 +209,20 @@ impl ToolShape {
         pose.transform_point(&Point3::from(point)).coords
     }
 
+    /// The point of the tool's core that belongs to `point` (world frame, m): the nearest of the axis of a sphere or
+    /// capsule, the centre of a hull.
+    pub fn core(&self, pose: &Isometry3<f64>, point: &Vector3<f64>) -> Vector3<f64> {
+        let core = match &self.geometry {
+            Geometry::Sphere { .. } => Vector3::zeros(),
+            Geometry::Capsule { half_length, .. } => {
+                let z = pose.inverse_transform_point(&Point3::from(*point)).z;
+                Vector3::new(0.0, 0.0, z.clamp(-half_length, *half_length))
+            }
+            Geometry::Convex(hull) => hull.centre(),
+        };
+        pose.transform_point(&Point3::from(core)).coords
+    }
+
     /// The tool's outline seen along the unit `direction`, from `point` (world frame, m).
     pub fn outline(&self, pose: &Isometry3<f64>, point: &Vector3<f64>, direction: &Vector3<f64>) -> Outline {
         let local = pose.inverse_transform_point(&Point3::from(*point)).coords;

@@ -115,7 +115,9 @@ proptest! {
         prop_assume!((gap - 2e-3).abs() > 1e-9);
         prop_assert_eq!(report.contacts > 0, gap < 2e-3);
         if report.contacts > 0 && gap > 0.0 {
-            prop_assert!((report.deepest_gap - gap).abs() < 1e-12, "{} {}", report.deepest_gap, gap);
+            // The bend of normals near the tool's equator may shorten a gap by 6e-4 of the radius, never lengthen it.
+            prop_assert!(report.deepest_gap <= gap + 1e-12, "{} {}", report.deepest_gap, gap);
+            prop_assert!(report.deepest_gap >= gap - 1e-3 * r, "{} {}", report.deepest_gap, gap);
         }
     }
 }

@@ -173,6 +173,34 @@ fn walls_and_edges() {
     }
 }
 
+/// A tool in a cavity, between a floor and a thin flap whose upper skin is within reach: that skin is not pushed.
+#[test]
+fn flap_above_a_tool_in_a_cavity_is_left_alone() {
+    let (mut triangles, mut positions) = block(Vector3::new(0.1, 0.1, 0.05), [20, 20, 10]);
+    let (flap, above) = block(Vector3::new(0.1, 0.1, 0.006), [20, 20, 1]);
+    let first = positions.len() as u32;
+    triangles.extend(flap.iter().map(|t| t.map(|n| n + first)));
+    positions.extend(above.iter().map(|p| p + Vector3::new(0.0, 0.0, TOP + 0.014)));
+    let surface = SurfaceGeometry::new(triangles, &positions).unwrap();
+    for kind in KINDS {
+        for (tool, turn) in tools() {
+            let turned_at = |z: f64| turned(Vector3::new(0.0513, 0.0487, z), turn);
+            let lowest = -tool.support(&turned_at(0.0), &-Vector3::z()).z;
+            if lowest + tool.support(&turned_at(0.0), &Vector3::z()).z > 0.0135 {
+                continue; // does not fit under the flap
+            }
+            // Apart from the floor, touching it, and pressed 1 mm into it.
+            for height in [0.0005, 0.0, -0.001] {
+                let pose = turned_at(TOP + lowest + height);
+                let (set, _) = detect_once(&surface, &positions, &tool, &pose, &config(kind));
+                for c in &set.contacts {
+                    assert!(c.tissue_point.z < TOP + 0.0145, "{kind:?} {height}: {c:?}");
+                }
+            }
+        }
+    }
+}
+
 /// A tool that starts inside is told so; outside, touching, or half way in, it is not.
 #[test]
 fn tool_inside_is_reported() {
