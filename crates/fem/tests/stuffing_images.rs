@@ -9,7 +9,7 @@ use palpate_fem::image::LabelImage;
 use palpate_fem::mesh::TetMesh;
 use palpate_fem::stuffing::{Stuffing, StuffingError, cell_for_nodes_of_image, stuff_image};
 
-/// An image of cubic millimetre-sized voxels (anisotropic: 1 x 1 x 2 mm), labelled by position [mm].
+/// An image of cubic millimetre-sized voxels (anisotropic: 1 x 1 x 2 mm), labelled by position (mm).
 fn image(size: [usize; 3], label: impl Fn(Vector3<f64>) -> u8) -> LabelImage {
     let spacing = [1e-3, 1e-3, 2e-3];
     let mut labels = Vec::new();
@@ -122,6 +122,17 @@ fn a_number_of_nodes_is_met() {
         let (mesh, _) = stuff_image(&image, &stuffing(cell)).unwrap();
         assert!((mesh.nodes.len() as f64 / nodes as f64).ln().abs() <= 0.1, "{} for {nodes}", mesh.nodes.len());
     }
+}
+
+#[test]
+fn defaults_are_those_of_the_documentation() {
+    let default = Stuffing::default();
+    assert_eq!((default.cell, default.smoothing), (0.0155, 0.3));
+    assert!(default.keep_largest && default.match_volume);
+    assert_eq!(
+        [255, 127, 85, 84].map(|l| default.name_of(l)),
+        ["parenchyma", "vessels", "lesion", "label_84"].map(str::to_owned)
+    );
 }
 
 #[test]

@@ -67,9 +67,9 @@ pub enum SurfaceError {
         crowded: usize,
         /// All edges.
         edges: usize,
-        /// One end of the first such edge [m].
+        /// One end of the first such edge (m).
         first: [f64; 3],
-        /// Its other end [m].
+        /// Its other end (m).
         second: [f64; 3],
     },
     /// Neighbouring triangles that turn opposite ways.
@@ -98,7 +98,7 @@ pub(crate) struct Soup {
 }
 
 impl ClosedSurface {
-    /// Makes a surface of triangles over vertices [m], and checks it: indices in range, finite coordinates, every
+    /// Makes a surface of triangles over vertices (m), and checks it: indices in range, finite coordinates, every
     /// edge with two triangles that run through it in opposite directions. Vertices at the same place become one,
     /// triangles that then have fewer than three corners are left out, and a surface that encloses a negative volume
     /// is turned inside out.
@@ -157,7 +157,7 @@ impl ClosedSurface {
         Self::new(soup.vertices.into_iter().map(|x| x * scale).collect(), soup.triangles)
     }
 
-    /// Positions of the vertices [m].
+    /// Positions of the vertices (m).
     pub fn vertices(&self) -> &[Vector3<f64>] {
         &self.vertices
     }
@@ -167,12 +167,12 @@ impl ClosedSurface {
         &self.triangles
     }
 
-    /// Enclosed volume [m³].
+    /// Enclosed volume (m³).
     pub fn volume(&self) -> f64 {
         enclosed_volume(&self.vertices, &self.triangles)
     }
 
-    /// Signed distance [m], positive inside.
+    /// Signed distance (m), positive inside.
     pub fn signed_distance(&self, point: &Vector3<f64>) -> f64 {
         let distance = self.tree.distance(point);
         if self.tree.winding(point) > 0 { distance } else { -distance }

@@ -36,7 +36,7 @@ impl TriangleTree {
         [self.nodes[0].low, self.nodes[0].high]
     }
 
-    /// Distance [m] to the nearest triangle.
+    /// Distance (m) to the nearest triangle.
     pub(super) fn distance(&self, point: &Vector3<f64>) -> f64 {
         let mut best = f64::INFINITY;
         self.nearest(0, point, &mut best);

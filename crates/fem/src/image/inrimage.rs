@@ -40,7 +40,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<LabelImage, ImageError> {
 
 struct Header {
     dims: [usize; 3],
-    /// [m]
+    /// (m)
     spacing: [f64; 3],
 }
 

@@ -24,9 +24,9 @@ pub const MAX_VOXELS: usize = 1 << 30;
 pub struct LabelImage {
     /// Voxels along x, y, z; all positive.
     pub dims: [usize; 3],
-    /// Edges of a voxel [m]; all positive.
+    /// Edges of a voxel (m); all positive.
     pub spacing: [f64; 3],
-    /// Outer corner of voxel (0, 0, 0) [m].
+    /// Outer corner of voxel (0, 0, 0) (m).
     pub origin: Vector3<f64>,
     /// One label per voxel, x fastest, then y, then z; 0 is background.
     pub labels: Vec<u8>,
@@ -126,7 +126,7 @@ impl LabelImage {
         nifti1::read(bytes)
     }
 
-    /// Volume of one voxel [m³].
+    /// Volume of one voxel (m³).
     pub fn voxel_volume(&self) -> f64 {
         self.spacing.iter().product()
     }
@@ -147,7 +147,7 @@ impl LabelImage {
         self.labels.iter_mut().for_each(|label| *label = keep[usize::from(*label)]);
     }
 
-    /// Label at a point [m] (nearest voxel); background outside the box.
+    /// Label at a point (m) (nearest voxel); background outside the box.
     pub fn label_at(&self, point: &Vector3<f64>) -> u8 {
         let mut index = 0;
         for axis in (0..3).rev() {

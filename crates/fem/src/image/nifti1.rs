@@ -57,7 +57,7 @@ fn dimensions(header: &NiftiHeader) -> Result<[usize; 3], ImageError> {
     Ok([usize::from(dim[0]), usize::from(dim[1]), usize::from(dim[2])])
 }
 
-/// Voxel edges [m]; an unstated unit means millimetres, as everywhere in NIfTI's practice.
+/// Voxel edges (m); an unstated unit means millimetres, as everywhere in NIfTI's practice.
 fn spacing(header: &NiftiHeader) -> Result<[f64; 3], ImageError> {
     let unit = match header.xyzt_units & 0o7 {
         1 => 1.0,

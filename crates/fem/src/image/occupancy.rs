@@ -4,7 +4,7 @@
 //! standard deviation σ, which removes the staircase of the voxels. The organ is `{occupancy > iso}`, where `iso` is
 //! chosen so that this set has the volume of the labels: a blurred field cut at 1/2 loses volume wherever the
 //! surface is convex. Voids that the outside cannot reach are filled. The value is `(occupancy - iso) σ √(2π)`:
-//! across a flat face a blurred step has the slope 1/(σ √(2π)), so that near the surface values are distances [m].
+//! across a flat face a blurred step has the slope 1/(σ √(2π)), so that near the surface values are distances (m).
 
 use nalgebra::Vector3;
 
@@ -20,9 +20,9 @@ const KERNEL_REACH: f64 = 3.0;
 #[derive(Clone, Debug)]
 pub struct SmoothedOccupancy {
     dims: [usize; 3],
-    /// Edge of a grid cell [m].
+    /// Edge of a grid cell (m).
     spacing: f64,
-    /// Outer corner of the grid [m].
+    /// Outer corner of the grid (m).
     origin: Vector3<f64>,
     /// One value per grid cell, at its centre, x fastest.
     occupancy: Vec<f32>,
@@ -35,7 +35,7 @@ pub struct SmoothedOccupancy {
 }
 
 impl SmoothedOccupancy {
-    /// Field of `image` on a grid of edge about `spacing` [m], blurred with standard deviation `sigma` [m]
+    /// Field of `image` on a grid of edge about `spacing` (m), blurred with standard deviation `sigma` (m)
     /// (both positive). `None` if the image holds background only.
     pub fn new(image: &LabelImage, spacing: f64, sigma: f64) -> Option<Self> {
         let (low, high) = occupied_voxels(image)?;
@@ -68,12 +68,12 @@ impl SmoothedOccupancy {
         })
     }
 
-    /// Volume of all labelled voxels [m³].
+    /// Volume of all labelled voxels (m³).
     pub fn label_volume(&self) -> f64 {
         self.volume
     }
 
-    /// Volume of the voids that were filled [m³].
+    /// Volume of the voids that were filled (m³).
     pub fn filled_volume(&self) -> f64 {
         self.filled_volume
     }

@@ -10,14 +10,14 @@ pub const MAX_LATTICE_VERTICES: usize = 4_000_000;
 
 /// Labels of the bundled liver (`examples/scenes/liver.inr.gz`), by the names in its note, where their meaning was
 /// inferred from volumes. By shape, place and neighbours (nine tenths of the boundary of 127 and six tenths of that of
-/// 85 is background) they are as likely the right kidney and the gall bladder; [`LabelImage::retain_labels`](crate::image::LabelImage::retain_labels) leaves
-/// the liver alone.
+/// 85 is background) they are as likely the right kidney and the gall bladder;
+/// [`retain_labels`](crate::image::LabelImage::retain_labels) leaves the liver alone.
 pub const LIVER_LABELS: [(u8, &str); 3] = [(255, "parenchyma"), (127, "vessels"), (85, "lesion")];
 
 /// How a body is stuffed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stuffing {
-    /// Lattice constant [m]: edge of the cubes of the body-centred cubic lattice. Positive.
+    /// Lattice constant (m): edge of the cubes of the body-centred cubic lattice. Positive.
     pub cell: f64,
     /// Names of the regions of a label image. A label without a name N becomes the region `label_N`.
     pub labels: Vec<(u8, String)>,

@@ -4,21 +4,21 @@ use nalgebra::Vector3;
 
 /// A body as the set where a continuous function is positive.
 pub trait LevelSet {
-    /// Positive inside, negative outside, about the distance [m] to the surface near it.
+    /// Positive inside, negative outside, about the distance (m) to the surface near it.
     fn value(&self, point: &Vector3<f64>) -> f64;
 
-    /// Lower and upper corner [m] of a box that holds the body.
+    /// Lower and upper corner (m) of a box that holds the body.
     fn bounds(&self) -> [Vector3<f64>; 2];
 }
 
 /// A level set moved outward by `shift` and grown by bumps around given points.
 pub(super) struct Grown<'a, L: ?Sized> {
     pub(super) base: &'a L,
-    /// Added everywhere [m].
+    /// Added everywhere (m).
     pub(super) shift: f64,
-    /// Where the body is grown [m].
+    /// Where the body is grown (m).
     pub(super) bumps: Vec<Vector3<f64>>,
-    /// Height at the middle of a bump [m]; it falls to zero, smoothly, at `BUMP_REACH` heights.
+    /// Height at the middle of a bump (m); it falls to zero, smoothly, at `BUMP_REACH` heights.
     pub(super) height: f64,
 }
 

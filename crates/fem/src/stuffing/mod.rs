@@ -36,7 +36,7 @@ use numbering::number_nodes;
 
 pub use config::{LIVER_LABELS, MAX_LATTICE_VERTICES, Stuffing};
 pub use level_set::LevelSet;
-pub use quality::MeshQuality;
+pub use quality::StuffingQuality;
 pub use report::{RegionReport, StuffingError, StuffingReport};
 pub use sizing::{cell_for_nodes, cell_for_nodes_of_image};
 
@@ -135,7 +135,7 @@ fn stuff_shifted(
             cell: stuffing.cell,
             nodes: mesh.nodes.len(),
             tetrahedra: mesh.tetrahedra.len(),
-            quality: MeshQuality::of(&mesh.nodes, &mesh.tetrahedra),
+            quality: StuffingQuality::of(&mesh.nodes, &mesh.tetrahedra),
             dropped_bodies,
             dropped_volume,
             mended_pinches: grown.bumps.len(),

@@ -1,4 +1,4 @@
-//! Measures of a tetrahedral mesh: volumes, boundary area, dihedral angles.
+//! Measures of a stuffed mesh: volumes, boundary area, dihedral angles.
 
 use nalgebra::Vector3;
 
@@ -6,25 +6,25 @@ use super::body::{FACES, boundary};
 
 /// Size and shape of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MeshQuality {
-    /// Sum of the tetrahedra [m³].
+pub struct StuffingQuality {
+    /// Sum of the tetrahedra (m³).
     pub volume: f64,
-    /// Smallest volume of a tetrahedron [m³]; negative if one is inverted.
+    /// Smallest volume of a tetrahedron (m³); negative if one is inverted.
     pub smallest_volume: f64,
-    /// Area of the boundary [m²].
+    /// Area of the boundary (m²).
     pub boundary_area: f64,
-    /// Smallest dihedral angle [rad].
+    /// Smallest dihedral angle (rad).
     pub smallest_dihedral: f64,
-    /// Largest dihedral angle [rad].
+    /// Largest dihedral angle (rad).
     pub largest_dihedral: f64,
-    /// Shortest edge [m].
+    /// Shortest edge (m).
     pub shortest_edge: f64,
-    /// Longest edge [m].
+    /// Longest edge (m).
     pub longest_edge: f64,
 }
 
-impl MeshQuality {
-    /// Measures a mesh of tetrahedra over nodes [m].
+impl StuffingQuality {
+    /// Measures a mesh of tetrahedra over nodes (m).
     pub fn of(nodes: &[Vector3<f64>], tetrahedra: &[[u32; 4]]) -> Self {
         let mut quality = Self {
             volume: 0.0,
@@ -60,12 +60,12 @@ impl MeshQuality {
 
 const PAIRS: [(usize, usize); 6] = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
 
-/// Signed volume [m³].
+/// Signed volume (m³).
 pub(super) fn volume([p, q, r, s]: &[Vector3<f64>; 4]) -> f64 {
     (q - p).cross(&(r - p)).dot(&(s - p)) / 6.0
 }
 
-/// Inner angles between the faces at the six edges [rad].
+/// Inner angles between the faces at the six edges (rad).
 fn dihedrals(corners: &[Vector3<f64>; 4]) -> [f64; 6] {
     let normals = FACES.map(|f| {
         let [p, q, r] = f.map(|c| corners[c]);
@@ -85,7 +85,7 @@ mod tests {
     #[test]
     fn the_lattice_tetrahedron_has_dihedral_angles_of_60_and_90_degrees() {
         let nodes = [[0., 0., 0.], [2., 0., 0.], [1., -1., -1.], [1., 1., -1.]].map(Vector3::from);
-        let quality = MeshQuality::of(&nodes, &[[0, 1, 2, 3]]);
+        let quality = StuffingQuality::of(&nodes, &[[0, 1, 2, 3]]);
         assert!((quality.smallest_dihedral.to_degrees() - 60.0).abs() < 1e-12);
         assert!((quality.largest_dihedral.to_degrees() - 90.0).abs() < 1e-12);
         assert!((quality.volume.abs() - 8.0 / 12.0).abs() < 1e-15);

@@ -1,7 +1,7 @@
 //! What a stuffing produced, or why it did not.
 
 use super::config::MAX_LATTICE_VERTICES;
-use super::quality::MeshQuality;
+use super::quality::StuffingQuality;
 
 /// What became of one label of an image.
 #[derive(Clone, Debug, PartialEq)]
@@ -10,9 +10,9 @@ pub struct RegionReport {
     pub label: u8,
     /// Name of its region.
     pub name: String,
-    /// Volume of its voxels [m³].
+    /// Volume of its voxels (m³).
     pub label_volume: f64,
-    /// Volume of its tetrahedra [m³].
+    /// Volume of its tetrahedra (m³).
     pub volume: f64,
     /// Number of its tetrahedra; a region without any is not among the mesh's names.
     pub tetrahedra: usize,
@@ -23,27 +23,27 @@ pub struct RegionReport {
 /// What a stuffing produced.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StuffingReport {
-    /// Lattice constant [m].
+    /// Lattice constant (m).
     pub cell: f64,
     /// Nodes of the mesh.
     pub nodes: usize,
     /// Tetrahedra of the mesh.
     pub tetrahedra: usize,
     /// Volumes, angles and edges.
-    pub quality: MeshQuality,
+    pub quality: StuffingQuality,
     /// Bodies that were dropped because a larger one exists.
     pub dropped_bodies: usize,
-    /// Their volume [m³].
+    /// Their volume (m³).
     pub dropped_volume: f64,
     /// Places where the body was grown to part a touching boundary.
     pub mended_pinches: usize,
     /// Nodes where the boundary still touches itself; 0 unless mending failed.
     pub pinched_nodes: usize,
-    /// Volume of all labels of an image and of filled voids [m³]; 0 for other sources.
+    /// Volume of all labels of an image and of filled voids (m³); 0 for other sources.
     pub label_volume: f64,
-    /// Part of it that voids in the labels made, which the mesh fills [m³].
+    /// Part of it that voids in the labels made, which the mesh fills (m³).
     pub filled_volume: f64,
-    /// Outward shift of the level set that keeps the volume [m].
+    /// Outward shift of the level set that keeps the volume (m).
     pub shift: f64,
     /// The labels of an image; empty for other sources.
     pub regions: Vec<RegionReport>,
@@ -55,13 +55,13 @@ pub enum StuffingError {
     /// The cell is not a positive, finite length.
     #[error("cell = {cell} m must be positive and finite; give the lattice constant in metres, such as 0.0155")]
     BadCell {
-        /// The cell [m].
+        /// The cell (m).
         cell: f64,
     },
     /// The smoothing is negative or not finite.
     #[error("smoothing = {smoothing} cells must lie between 0 and 2")]
     BadSmoothing {
-        /// The blur [cells].
+        /// The blur (cells).
         smoothing: f64,
     },
     /// The cell is larger than the body.
@@ -69,11 +69,11 @@ pub enum StuffingError {
         "cell = {cell} m is larger than the body's extent of {extent} m; use {usable} m or less (are the units right?)"
     )]
     CellTooLarge {
-        /// The cell [m].
+        /// The cell (m).
         cell: f64,
-        /// Least extent of the body [m].
+        /// Least extent of the body (m).
         extent: f64,
-        /// A cell that resolves it [m].
+        /// A cell that resolves it (m).
         usable: f64,
     },
     /// The lattice would exceed its limit.
@@ -82,11 +82,11 @@ pub enum StuffingError {
          use {usable} m or more (are the units right?)"
     )]
     CellTooSmall {
-        /// The cell [m].
+        /// The cell (m).
         cell: f64,
         /// Vertices that it asks for.
         vertices: f64,
-        /// A cell within the limit [m].
+        /// A cell within the limit (m).
         usable: f64,
     },
     /// The image shows background only.
@@ -95,7 +95,7 @@ pub enum StuffingError {
     /// No lattice vertex lies inside.
     #[error("no lattice vertex lies inside the body at cell = {cell} m: it is too thin or empty; use a smaller cell")]
     NothingInside {
-        /// The cell [m].
+        /// The cell (m).
         cell: f64,
     },
     /// No cell gives a number of nodes.

@@ -10,7 +10,7 @@ const MAX_TRIALS: usize = 12;
 /// A relative error that is accepted when no trial came within the tolerance: the number of nodes jumps with the cell.
 const ACCEPTED: f64 = 0.1;
 
-/// A cell [m] for which `count_nodes(cell)` is within `tolerance` (relative) of `nodes`, or the nearest of twelve
+/// A cell (m) for which `count_nodes(cell)` is within `tolerance` (relative) of `nodes`, or the nearest of twelve
 /// trials if it is within a tenth: secant steps on log(nodes) against log(cell), nearly a line of slope -3 to -2.5.
 pub fn cell_for_nodes(
     nodes: usize,
@@ -45,7 +45,7 @@ pub fn cell_for_nodes(
     }
 }
 
-/// A cell [m] for which the mesh of an image has `nodes` nodes within 2 %, or as near as
+/// A cell (m) for which the mesh of an image has `nodes` nodes within 2 %, or as near as
 /// [`cell_for_nodes`] comes. For the bundled liver: 15.5 mm for 1,500, 12.0 mm for 3,000, 8.4 mm for 8,000, 7.7 mm for
 /// 10,000.
 pub fn cell_for_nodes_of_image(image: &LabelImage, nodes: usize, stuffing: &Stuffing) -> Result<f64, StuffingError> {

@@ -127,7 +127,7 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
-    use crate::stuffing::MeshQuality;
+    use crate::stuffing::StuffingQuality;
     use crate::stuffing::cut::{ALPHA_LONG, ALPHA_SHORT};
     use crate::stuffing::lattice::{Lattice, NEIGHBOURS};
 
@@ -154,7 +154,7 @@ mod tests {
         })
     }
 
-    /// Smallest and largest dihedral angle [°] and volume over everything that warping can leave of a tetrahedron.
+    /// Smallest and largest dihedral angle (°) and volume over everything that warping can leave of a tetrahedron.
     fn extremes(lattice: &Lattice, tetrahedron: [u32; 4], signs: [i8; 4], range: &mut (f64, f64, f64)) {
         let with = |s: i8| (0..4).filter(move |&i| signs[i] == s).map(|i| tetrahedron[i]).collect::<Vec<_>>();
         let (plus, zeros, minus) = (with(1), with(0), with(-1));
@@ -183,7 +183,7 @@ mod tests {
                 .map(|&k| if k < count { cut.vertex_position(k) } else { cut.cut_position(k - count) })
                 .collect();
             let tetrahedra: Vec<_> = (0..inside.len() as u32).map(|t| [0, 1, 2, 3].map(|i| 4 * t + i)).collect();
-            let quality = MeshQuality::of(&nodes, &tetrahedra);
+            let quality = StuffingQuality::of(&nodes, &tetrahedra);
             range.0 = range.0.min(quality.smallest_dihedral.to_degrees());
             range.1 = range.1.max(quality.largest_dihedral.to_degrees());
             range.2 = range.2.min(quality.smallest_volume);
