@@ -15,14 +15,14 @@ const DEPTH: RGBColor = RGBColor(39, 118, 82);
 /// Points drawn at most per line; more would only make the file larger.
 const POINTS: usize = 2500;
 
-/// Curves over time [s].
+/// Curves over time (s).
 #[derive(Debug, Default)]
 pub(crate) struct Curves {
-    /// Force on the device [N], one point per tick.
+    /// Force on the device (N), one point per tick.
     pub(crate) force: Vec<(f64, f64)>,
-    /// Part of the contact force along the skin [N], one point per step.
+    /// Part of the contact force along the skin (N), one point per step.
     pub(crate) friction: Vec<(f64, f64)>,
-    /// Depth of the touched skin below its place at rest [m], one point per step.
+    /// Depth of the touched skin below its place at rest (m), one point per step.
     pub(crate) depth: Vec<(f64, f64)>,
 }
 
@@ -34,11 +34,23 @@ pub(crate) fn draw(path: &Path, title: &str, curves: &Curves) -> Result<(), Box<
     let (top, bottom) = root.split_vertically(300);
     let end = curves.force.last().map_or(1.0, |p| p.0).max(1e-3);
     let millimetres = curves.depth.iter().map(|&(t, d)| (t, 1e3 * d)).collect();
-    panel(&top, end, "force on the hand [N]", "", &[
-        ("force, every tick", FORCE, thin(&curves.force)),
-        ("friction, every step", SIDEWAYS, curves.friction.clone()),
-    ])?;
-    panel(&bottom, end, "indentation [mm]", "time [s]", &[("skin under the tool, from its place at rest", DEPTH, millimetres)])?;
+    panel(
+        &top,
+        end,
+        "force on the hand [N]",
+        "",
+        &[
+            ("force, every tick", FORCE, thin(&curves.force)),
+            ("friction, every step", SIDEWAYS, curves.friction.clone()),
+        ],
+    )?;
+    panel(
+        &bottom,
+        end,
+        "indentation [mm]",
+        "time [s]",
+        &[("skin under the tool, from its place at rest", DEPTH, millimetres)],
+    )?;
     root.present()?;
     Ok(())
 }
@@ -57,7 +69,13 @@ fn panel(
         .x_label_area_size(40)
         .y_label_area_size(70)
         .build_cartesian_2d(0.0..end, range(lines))?;
-    chart.configure_mesh().light_line_style(WHITE).y_desc(y_label).x_desc(x_label).label_style(("sans-serif", 14)).draw()?;
+    chart
+        .configure_mesh()
+        .light_line_style(WHITE)
+        .y_desc(y_label)
+        .x_desc(x_label)
+        .label_style(("sans-serif", 14))
+        .draw()?;
     for (name, color, points) in lines {
         let color = *color;
         chart

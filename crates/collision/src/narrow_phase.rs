@@ -38,7 +38,7 @@ const TRUSTED: f64 = 0.5;
 pub struct Touch {
     /// Unit vector from the tool towards the tissue.
     pub normal: Vector3<f64>,
-    /// Gap along it [m].
+    /// Gap along it (m).
     pub gap: f64,
     /// Least cosine between the skin's normal and the side from which the tool came for this to be a touch: -1 for any
     /// side, -1/2 for all but the opposite one, 1/2 for the same side.
@@ -47,7 +47,7 @@ pub struct Touch {
     pub submerged: bool,
 }
 
-/// The gap of a tissue point `x` [m] with outward skin normal `skin`; none where the tool neither faces nor covers it.
+/// The gap of a tissue point `x` (m) with outward skin normal `skin`; none where the tool neither faces nor covers it.
 ///
 /// A zero `skin` (normals that cancel) leaves the distance as it is.
 pub fn touch(tool: &ToolShape, pose: &Isometry3<f64>, x: &Vector3<f64>, skin: &Vector3<f64>) -> Option<Touch> {

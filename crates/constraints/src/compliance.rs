@@ -2,7 +2,7 @@
 //!
 //! `W = h² H A⁻¹ Hᵀ` [m/N]: how far the gap of one row opens per newton on another within a step. `A` is in kg, `H` has
 //! no unit, and the factor `h²` appears here and nowhere else. The matching correction of the motion is
-//! `Δv = h A⁻¹ Hᵀ λ` [m/s].
+//! `Δv = h A⁻¹ Hᵀ λ` (m/s).
 //!
 //! The asynchronous method has only the factor of an older matrix `A₀`, taken when the tissue was turned differently.
 //! With `R` the block-diagonal matrix of the nodes' rotations since then, `A⁻¹ ≈ R A₀⁻¹ Rᵀ` (compliance warping: Saupin,
@@ -86,7 +86,7 @@ impl<W> ComplianceWorkspace<W> {
 pub struct ComplianceReport {
     /// Rows `m`.
     pub rows: usize,
-    /// Least and greatest diagonal entry [m/N]; both 0 without rows.
+    /// Least and greatest diagonal entry (m/N); both 0 without rows.
     pub diagonal: [f64; 2],
     /// `max |W - Wᵀ| / max |W|`.
     pub asymmetry: f64,
@@ -101,7 +101,7 @@ pub fn rotate_rows(rows: &mut NodalRows, rotations: &[Matrix3<f64>]) {
     rows.map_values(|node, value| rotations.get(node as usize).map_or(value, |r| r.tr_mul(&value)));
 }
 
-/// Assembles `W = h² H A⁻¹ Hᵀ` [m/N] of the rows for the step `dt` [s].
+/// Assembles `W = h² H A⁻¹ Hᵀ` (m/N) of the rows for the step `dt` (s).
 pub fn assemble<I: InverseRows>(
     system: WarpedInverse<'_, I>,
     rows: &NodalRows,
@@ -124,7 +124,7 @@ pub fn assemble<I: InverseRows>(
     report(w, rows.len())
 }
 
-/// Correction `Δv = h A⁻¹ Hᵀ λ` [m/s] of the free nodes for the rows of the latest [`assemble`]; overwrites `delta_v`.
+/// Correction `Δv = h A⁻¹ Hᵀ λ` (m/s) of the free nodes for the rows of the latest [`assemble`]; overwrites `delta_v`.
 pub fn correct<I: InverseRows>(
     system: WarpedInverse<'_, I>,
     lambda: &[f64],

@@ -9,7 +9,7 @@ use crate::mesh::TetMesh;
 /// All share the cell's diagonal 0-7, so neighbouring cells match without alternating.
 const KUHN: [[usize; 4]; 6] = [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
 
-/// A block whose nodes lie at all combinations of the given ascending coordinates [m].
+/// A block whose nodes lie at all combinations of the given ascending coordinates (m).
 ///
 /// One region, `block`; node sets `x_min`, `x_max`, `y_min`, `y_max`, `z_min`, `z_max`. Nodes are numbered with x
 /// fastest. Fewer than two coordinates on an axis give an empty mesh.
@@ -48,7 +48,7 @@ pub fn block(x: &[f64], y: &[f64], z: &[f64]) -> TetMesh {
     mesh
 }
 
-/// `cells + 1` coordinates at equal distances from `from` to `to` [m].
+/// `cells + 1` coordinates at equal distances from `from` to `to` (m).
 pub fn evenly(from: f64, to: f64, cells: usize) -> Vec<f64> {
     (0..=cells).map(|k| from + (to - from) * k as f64 / cells as f64).collect()
 }

@@ -107,7 +107,7 @@ fn hold_together(name: &str, result: Result<MeshFile, MeshError>) -> Result<(), 
     Ok(())
 }
 
-/// The most address space that this process had so far [bytes]. Reserved memory counts, touched or not.
+/// The most address space that this process had so far (bytes). Reserved memory counts, touched or not.
 fn peak_address_space() -> Option<usize> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmPeak:"))?;

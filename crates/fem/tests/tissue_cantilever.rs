@@ -16,7 +16,7 @@ const DENSITY: f64 = 1000.0;
 const LENGTH: f64 = 0.16;
 const WIDTH: f64 = 0.02;
 
-/// Mean deflection of the end face [m] of a square beam along x, with `n` cells over its width.
+/// Mean deflection of the end face (m) of a square beam along x, with `n` cells over its width.
 ///
 /// One linear solve at rest: gravity is small, so that deflections stay linear.
 fn deflection(material: Material, n: usize, gravity: f64) -> f64 {

@@ -36,8 +36,8 @@ impl<'w> Engine<'w> {
         }
         let mut ws = StepWorkspace::new(world);
         let first = first_matrix(world, &rest, &mut ws);
-        let (port, refresh) =
-            refresh(world.symbolic(), &first).map_err(|status| RunError::Factorization { status: format!("{status:?}") })?;
+        let (port, refresh) = refresh(world.symbolic(), &first)
+            .map_err(|status| RunError::Factorization { status: format!("{status:?}") })?;
         let pose = world.first_pose();
         let (pose_writer, pose_reader) = latest(&pose);
         let (snapshot_writer, snapshot_reader) = latest(&HapticSnapshot::new(world.detection().max_contacts));
@@ -57,7 +57,7 @@ impl<'w> Engine<'w> {
         }
     }
 
-    /// Ends the trace and sums the run up. `wall` is the time it took in real time [s].
+    /// Ends the trace and sums the run up. `wall` is the time it took in real time (s).
     pub(crate) fn finish(self, mut gathering: Gathering, wall: Option<f64>) -> RunOutcome {
         let trace = self.trace.map(TraceLines::finish);
         gathering.notes.splice(0..0, self.notes);

@@ -9,7 +9,7 @@ use palpate_fem::model::FemState;
 
 use crate::world::World;
 
-/// Writes the deformed mesh with displacement from the mesh of the scene [m] and velocity [m/s] at each node.
+/// Writes the deformed mesh with displacement from the mesh of the scene (m) and velocity (m/s) at each node.
 ///
 /// # Errors
 /// The file cannot be written.

@@ -120,7 +120,7 @@ impl Gathering {
         Progress { time: self.time, rates: None, contacts: self.active, force: self.force }
     }
 
-    /// The summary; `wall` is the time the run took in real time [s].
+    /// The summary; `wall` is the time the run took in real time (s).
     pub(crate) fn summary(self, world: &World, wall: Option<f64>, trace: Option<TraceOutcome>) -> RunSummary {
         let counts = self.counts();
         let rate = |n: u64| wall.map_or(0.0, |w| n as f64 / w);

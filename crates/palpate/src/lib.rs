@@ -28,6 +28,7 @@ pub mod replay;
 pub mod run;
 pub mod scene;
 mod settle;
+pub mod simulation;
 pub mod step;
 pub mod summary;
 pub mod tick;
@@ -46,6 +47,7 @@ pub mod prelude {
 
     pub use crate::run::{Length, Observer, RunOptions, Unobserved, run};
     pub use crate::scene::{Scene, SceneDescription};
+    pub use crate::simulation::Simulation;
     pub use crate::summary::RunSummary;
     pub use crate::world::World;
 }

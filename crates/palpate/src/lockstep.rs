@@ -89,17 +89,12 @@ struct Clock {
     step: u64,
     /// Matrices asked for so far.
     asked: u64,
-    /// When the matrix that was asked for has become a factor [s].
+    /// When the matrix that was asked for has become a factor (s).
     due: Option<f64>,
 }
 
 /// The factor stage's part of a step's begin: hand over what is due, ask for the next matrix.
-fn refresh(
-    engine: &mut Engine<'_>,
-    clock: &mut Clock,
-    time: f64,
-    gathering: &mut Gathering,
-) {
+fn refresh(engine: &mut Engine<'_>, clock: &mut Clock, time: f64, gathering: &mut Gathering) {
     let rates = engine.world.description().rates;
     if clock.due.is_some_and(|due| time >= due - 1e-9) {
         if let Some(report) = engine.refresh.refresh(|| time) {

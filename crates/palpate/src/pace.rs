@@ -12,9 +12,9 @@ pub(crate) struct Pacer {
 /// One wake-up.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Beat {
-    /// Time since the start [s].
+    /// Time since the start (s).
     pub(crate) time: f64,
-    /// How late it is [s].
+    /// How late it is (s).
     pub(crate) latency: f64,
     /// Periods that have passed unused since the last wake-up.
     pub(crate) missed: u32,
@@ -25,7 +25,7 @@ impl Pacer {
         Self { start, period: 1.0 / rate, next: 0 }
     }
 
-    /// Time since the start [s].
+    /// Time since the start (s).
     pub(crate) fn time(&self) -> f64 {
         self.start.elapsed().as_secs_f64()
     }

@@ -10,7 +10,9 @@ use palpate_fem::model::FemState;
 use palpate_fem::pcg::PcgStatus;
 use palpate_haptics::record::TickFlags;
 use palpate_trace as trace;
-use palpate_trace::{Attachment, BodyGeometry, FactorTrace, InlineTrace, StepTrace, TickTrace, TraceConfig, TraceThread};
+use palpate_trace::{
+    Attachment, BodyGeometry, FactorTrace, InlineTrace, StepTrace, TickTrace, TraceConfig, TraceThread,
+};
 use serde::Serialize;
 
 use crate::refresh::RefreshReport;
@@ -27,7 +29,7 @@ pub(crate) const SCENE: &str = "scene.toml";
 pub struct TraceOutcome {
     /// The file.
     pub path: PathBuf,
-    /// Size [bytes].
+    /// Size (bytes).
     pub bytes: u64,
     /// Messages written.
     pub messages: u64,

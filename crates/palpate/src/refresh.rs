@@ -17,11 +17,11 @@ use palpate_haptics::exchange::{Reader, Writer, latest};
 pub struct MatrixSample {
     /// Step that assembled it.
     pub step: u64,
-    /// Time of that step [s].
+    /// Time of that step (s).
     pub time: f64,
-    /// Configuration of all nodes that it belongs to [m].
+    /// Configuration of all nodes that it belongs to (m).
     pub q: Vec<Vector3<f64>>,
-    /// The matrix `A` [kg].
+    /// The matrix `A` (kg).
     pub system: SystemMatrix,
 }
 
@@ -32,9 +32,9 @@ pub struct FactorSample {
     pub epoch: u64,
     /// Step whose matrix it factors.
     pub step: u64,
-    /// Time of that step [s].
+    /// Time of that step (s).
     pub time: f64,
-    /// Configuration of all nodes that it belongs to [m].
+    /// Configuration of all nodes that it belongs to (m).
     pub q: Vec<Vector3<f64>>,
     /// `A = Pᵀ L Lᵀ P`.
     pub factor: Factor,
@@ -47,11 +47,11 @@ pub struct RefreshReport {
     pub epoch: u64,
     /// Step whose matrix was taken.
     pub step: u64,
-    /// Time of that step [s].
+    /// Time of that step (s).
     pub time: f64,
-    /// Time at which the factor was handed over [s].
+    /// Time at which the factor was handed over (s).
     pub handed_over: f64,
-    /// Work [s].
+    /// Work (s).
     pub work: f64,
     /// Whether the matrix could be factored; if not, the last good factor stays in use.
     pub status: FactorStatus,
@@ -123,7 +123,7 @@ impl Refresh {
     }
 
     /// Factors the matrix that was asked for, if it has arrived, and hands the factor over if it is good.
-    /// `now` answers the time [s] when it is done.
+    /// `now` answers the time (s) when it is done.
     pub fn refresh(&mut self, now: impl FnOnce() -> f64) -> Option<RefreshReport> {
         if !self.matrices.refresh() {
             return None;

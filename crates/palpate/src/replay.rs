@@ -19,7 +19,7 @@ pub struct ReplayReport {
     pub unmatched: usize,
     /// The first tick whose force or tool pose differs in any bit.
     pub first_difference: Option<u64>,
-    /// Largest difference of a force [N].
+    /// Largest difference of a force (N).
     pub largest_difference: f64,
 }
 

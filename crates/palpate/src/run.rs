@@ -52,13 +52,13 @@ impl Default for RunOptions {
 /// The state of a run for a progress line.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress {
-    /// Simulated time [s].
+    /// Simulated time (s).
     pub time: f64,
-    /// Rates of step, factor and tick over the last second [Hz]; `None` in lockstep.
+    /// Rates of step, factor and tick over the last second (Hz); `None` in lockstep.
     pub rates: Option<[f64; 3]>,
     /// Contacts that carry a force.
     pub contacts: usize,
-    /// Force on the device [N].
+    /// Force on the device (N).
     pub force: f64,
 }
 
@@ -90,7 +90,9 @@ pub struct RunOutcome {
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// The body at rest has no positive definite system matrix.
-    #[error("the body cannot be simulated: its system matrix at rest cannot be factored ({status}); check densities, materials and fixed nodes")]
+    #[error(
+        "the body cannot be simulated: its system matrix at rest cannot be factored ({status}); check densities, materials and fixed nodes"
+    )]
     Factorization {
         /// What the factorisation says.
         status: String,

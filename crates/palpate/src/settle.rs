@@ -6,7 +6,7 @@ use palpate_fem::model::{FemModel, FemState};
 
 use crate::world::World;
 
-/// Step [s] of the quasi-static iterations: inertia and damping are then below a thousandth of the stiffness of soft
+/// Step (s) of the quasi-static iterations: inertia and damping are then below a thousandth of the stiffness of soft
 /// tissue, so that each iteration is nearly one of Newton's.
 const SETTLE_STEP: f64 = 3.0;
 

@@ -75,9 +75,9 @@ pub struct RunSummary {
     pub mode: &'static str,
     /// How the run ended.
     pub end: RunEnd,
-    /// Simulated time [s].
+    /// Simulated time (s).
     pub simulated: f64,
-    /// Wall time [s]; 0 in lockstep, where it means nothing.
+    /// Wall time (s); 0 in lockstep, where it means nothing.
     pub wall: f64,
     /// Free nodes, tetrahedra of the body.
     pub nodes: usize,
@@ -91,17 +91,17 @@ pub struct RunSummary {
     pub ticks: u64,
     /// Rates reached [Hz]: step, factor, tick; zero in lockstep.
     pub step_rate: f64,
-    /// Rate of the factor thread [Hz].
+    /// Rate of the factor thread (Hz).
     pub factor_rate: f64,
-    /// Rate of the tick thread [Hz].
+    /// Rate of the tick thread (Hz).
     pub tick_rate: f64,
-    /// Work of a step [s].
+    /// Work of a step (s).
     pub step_work: Percentiles,
-    /// Work of a factorisation [s].
+    /// Work of a factorisation (s).
     pub factor_work: Percentiles,
-    /// Work of a tick [s].
+    /// Work of a tick (s).
     pub tick_work: Percentiles,
-    /// How late a tick woke up [s].
+    /// How late a tick woke up (s).
     pub tick_latency: Percentiles,
     /// Deadlines missed by the step thread.
     pub step_overruns: u64,
@@ -111,7 +111,7 @@ pub struct RunSummary {
     pub factors_refused: u64,
     /// Conjugate-gradient iterations per step.
     pub iterations: Percentiles,
-    /// Age of the factor that a step used [s].
+    /// Age of the factor that a step used (s).
     pub factor_age: Percentiles,
     /// Contacts per step.
     pub contacts: Percentiles,
@@ -125,9 +125,9 @@ pub struct RunSummary {
     pub filtered: u64,
     /// Elements that were inverted at the start of a step, over all steps.
     pub inverted: u64,
-    /// Largest force on the device [N].
+    /// Largest force on the device (N).
     pub largest_force: f64,
-    /// Largest jump of the force at a new snapshot [N].
+    /// Largest jump of the force at a new snapshot (N).
     pub largest_jump: f64,
     /// Records that the observer missed because its ring was full.
     pub records_missed: u64,

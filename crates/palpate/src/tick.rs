@@ -20,9 +20,9 @@ use crate::world::World;
 pub struct TickReport {
     /// What the tick did.
     pub record: TickRecord,
-    /// How late it woke up [s]; 0 in lockstep.
+    /// How late it woke up (s); 0 in lockstep.
     pub latency: f64,
-    /// Its work [s]; 0 in lockstep.
+    /// Its work (s); 0 in lockstep.
     pub work: f64,
     /// Periods missed since the last tick.
     pub overruns: u32,
@@ -64,12 +64,12 @@ impl Ticker {
         Ok(Self { tick, state, ws, device, snapshots, poses, line, index: 0 })
     }
 
-    /// Nominal time between ticks [s].
+    /// Nominal time between ticks (s).
     pub(crate) fn period(&self) -> f64 {
         self.tick.period()
     }
 
-    /// One tick at `time` [s], `dt` seconds after the last: allocates nothing, takes no lock, has no panic path.
+    /// One tick at `time` (s), `dt` seconds after the last: allocates nothing, takes no lock, has no panic path.
     pub(crate) fn tick(&mut self, time: f64, dt: f64) -> TickRecord {
         let moment = TickTime { index: self.index, time, dt };
         self.index += 1;

@@ -45,12 +45,12 @@ impl World {
         self.scene.description()
     }
 
-    /// The step [s].
+    /// The step (s).
     pub fn dt(&self) -> f64 {
         1.0 / self.description().rates.step
     }
 
-    /// The mesh of the body [m].
+    /// The mesh of the body (m).
     pub fn mesh(&self) -> &TetMesh {
         &self.mesh
     }
@@ -201,8 +201,17 @@ pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
     detection.validate().map_err(|e| scene.at("contact", e.to_string(), "correct the value"))?;
     let geometry = SurfaceGeometry::new(surface.triangles.clone(), &mesh.nodes)
         .map_err(|e| scene.at("body.0", e.to_string(), "use a mesh with a closed boundary"))?;
-    let world =
-        World { scene: scene.clone(), mesh, quality, surface, model, symbolic: Arc::new(symbolic), geometry, detection, warnings };
+    let world = World {
+        scene: scene.clone(),
+        mesh,
+        quality,
+        surface,
+        model,
+        symbolic: Arc::new(symbolic),
+        geometry,
+        detection,
+        warnings,
+    };
     tool_outside(&world)?;
     Ok(world)
 }
@@ -212,7 +221,11 @@ fn load(scene: &Scene) -> Result<(TetMesh, Vec<String>), SceneError> {
     let body = &scene.description().bodies[0];
     if let Some(name) = &body.mesh {
         let SceneFile::Path(path) = scene.file(name) else {
-            return Err(scene.at("body.0.mesh", format!("`{name}` is not a mesh"), "name it as `image`, with a `cell`"));
+            return Err(scene.at(
+                "body.0.mesh",
+                format!("`{name}` is not a mesh"),
+                "name it as `image`, with a `cell`",
+            ));
         };
         let file = format::read(&path)?;
         let scaled = body.scale != 1.0;
@@ -295,7 +308,10 @@ fn fixed_nodes(scene: &Scene, mesh: &TetMesh) -> Result<Vec<u32>, SceneError> {
         if count == 0 {
             let BoundingBox { min: low, max: high } = mesh.bounding_box();
             let message = "this selection holds no node";
-            let remedy = format!("the body spans x {:.4}..{:.4}, y {:.4}..{:.4}, z {:.4}..{:.4} m", low.x, high.x, low.y, high.y, low.z, high.z);
+            let remedy = format!(
+                "the body spans x {:.4}..{:.4}, y {:.4}..{:.4}, z {:.4}..{:.4} m",
+                low.x, high.x, low.y, high.y, low.z, high.z
+            );
             return Err(scene.at(&place, message, remedy));
         }
     }
@@ -310,7 +326,8 @@ fn tool_outside(world: &World) -> Result<(), SceneError> {
     let mut ws = DetectionWorkspace::new(&world.geometry);
     let mut contacts = ContactSet::with_capacity(world.detection.max_contacts);
     let pose = world.first_pose();
-    let report = detect(&world.geometry, &world.mesh.nodes, world.tool(), &pose, &world.detection, &mut ws, &mut contacts);
+    let report =
+        detect(&world.geometry, &world.mesh.nodes, world.tool(), &pose, &world.detection, &mut ws, &mut contacts);
     if report.tool_inside {
         let p = pose.translation.vector;
         let message = format!("the tool begins inside the body, at {:.4}, {:.4}, {:.4} m", p.x, p.y, p.z);

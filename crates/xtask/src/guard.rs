@@ -32,9 +32,8 @@ pub(crate) fn run(only: &[String], skip: &[String]) -> Outcome {
             return Err(format!("there is no guard `{name}`; the guards are {}", names.join(", ")));
         }
     }
-    let chosen = |g: &&Guard| {
-        (only.is_empty() || only.iter().any(|n| n == g.name)) && !skip.iter().any(|n| n == g.name)
-    };
+    let chosen =
+        |g: &&Guard| (only.is_empty() || only.iter().any(|n| n == g.name)) && !skip.iter().any(|n| n == g.name);
     let mut lines = Vec::new();
     for guard in GUARDS.iter().filter(chosen) {
         println!("\n=== {}: {}", guard.name, guard.what);
@@ -108,8 +107,22 @@ fn program() -> Outcome {
     let path = |name: &str| out.join(name).to_string_lossy().into_owned();
     let (trace, state, csv) = (path("liver.mcap"), path("liver.vtu"), path("liver.csv"));
     execute(&mut cargo(&[
-        "run", "--release", "--quiet", "--", "run", "liver", "--lockstep", "--steps", "60", "--quiet", "--trace", &trace,
-        "--final", &state, "--csv", &csv,
+        "run",
+        "--release",
+        "--quiet",
+        "--",
+        "run",
+        "liver",
+        "--lockstep",
+        "--steps",
+        "60",
+        "--quiet",
+        "--trace",
+        &trace,
+        "--final",
+        &state,
+        "--csv",
+        &csv,
     ]))?;
     for file in [&trace, &state, &csv, &path("liver.svg")] {
         let length = std::fs::metadata(file).map_err(|e| format!("{file}: {e}"))?.len();
@@ -121,7 +134,19 @@ fn program() -> Outcome {
     execute(&mut cargo(&["run", "--release", "--quiet", "--", "check", "liver"]))?;
     execute(&mut cargo(&["run", "--release", "--quiet", "--", "mesh", &state]))?;
     execute(&mut cargo(&["run", "--release", "--quiet", "--", "scenes"]))?;
-    execute(&mut cargo(&["run", "--release", "--quiet", "--", "run", "liver", "--seconds", "1", "--no-trace", "--json", "--quiet"]))
+    execute(&mut cargo(&[
+        "run",
+        "--release",
+        "--quiet",
+        "--",
+        "run",
+        "liver",
+        "--seconds",
+        "1",
+        "--no-trace",
+        "--json",
+        "--quiet",
+    ]))
 }
 
 /// Reads the trace of [`program`] with the `mcap` package of PyPI, and its end state with meshio.

@@ -33,7 +33,8 @@ fn describe(path: &Path, scale: f64, as_json: bool) -> Result<ExitCode> {
     let warnings: Vec<_> = file.warnings.iter().filter(of_units).map(ToString::to_string).collect();
     let refusal = file.refusal.map(|e| e.to_string());
     if as_json {
-        let all = json!({ "format": file.format.to_string(), "quality": quality, "warnings": warnings, "refusal": refusal });
+        let all =
+            json!({ "format": file.format.to_string(), "quality": quality, "warnings": warnings, "refusal": refusal });
         println!("{all:#}");
     } else {
         println!("{} ({})", path.display(), file.format);
@@ -65,7 +66,12 @@ fn make(image: &Path, cell: f64, out: &Path, scale: f64, force: bool) -> Result<
 /// Volume of each label against that of its tetrahedra.
 fn regions(report: &StuffingReport) -> String {
     let line = |name: &str, made: f64, label: f64| {
-        format!("{name}: {:.1} cm³ of {:.1} cm³ in the image ({:+.1} %)", made * 1e6, label * 1e6, 100.0 * (made / label - 1.0))
+        format!(
+            "{name}: {:.1} cm³ of {:.1} cm³ in the image ({:+.1} %)",
+            made * 1e6,
+            label * 1e6,
+            100.0 * (made / label - 1.0)
+        )
     };
     let mut lines: Vec<_> = report.regions.iter().map(|r| line(&r.name, r.volume, r.label_volume)).collect();
     if report.dropped_bodies > 0 {

@@ -118,7 +118,7 @@ impl InverseRows for DenseInverse {
     }
 }
 
-/// A symmetric positive definite matrix of size `n` [kg], always the same.
+/// A symmetric positive definite matrix of size `n` (kg), always the same.
 pub fn spd(n: usize) -> DMatrix<f64> {
     let b = DMatrix::from_fn(n, n, |i, j| ((i * 7 + j * 13) % 11) as f64 / 11.0 - 0.4);
     &b * b.transpose() * 0.01 + DMatrix::identity(n, n) * 0.05

@@ -9,7 +9,7 @@ use crate::ordering::NO_PARENT;
 pub(super) struct SupernodeTree {
     parent: Vec<u32>,
     owner: Vec<u32>,
-    /// `begin[s]..begin[s + 1]` are the columns of supernode `s`.
+    /// `begin(s)..begin[s + 1]` are the columns of supernode `s`.
     begin: Vec<u32>,
     widest_pattern: usize,
 }

@@ -34,12 +34,12 @@ impl Random {
 
 /// A block of `cells` cubes of 10 mm, six tetrahedra each, inner nodes jittered, nodes with z = 0 fixed.
 pub struct Body {
-    /// All nodes [m].
+    /// All nodes (m).
     pub nodes: Vec<Vector3<f64>>,
     pub tetrahedra: Vec<[u32; 4]>,
     /// Free node of each node, or [`FIXED`].
     pub free: Vec<u32>,
-    /// Positions of the free nodes [m].
+    /// Positions of the free nodes (m).
     pub positions: Vec<Vector3<f64>>,
     /// Free nodes with the largest z.
     pub top: Vec<u32>,

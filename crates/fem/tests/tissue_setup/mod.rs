@@ -92,7 +92,7 @@ pub(crate) fn dense(ws: &FemWorkspace) -> DMatrix<f64> {
 }
 
 /// Static equilibrium by Newton's method with a dense factor; halves a step that does not lower the residual.
-/// Returns the norm of the last residual [N].
+/// Returns the norm of the last residual (N).
 pub(crate) fn equilibrium_dense(model: &FemModel, state: &mut FemState, ws: &mut FemWorkspace, tolerance: f64) -> f64 {
     let norm = |ws: &FemWorkspace| ws.rhs.iter().map(|x| x * x).sum::<f64>().sqrt();
     assemble_with(model, state, Coefficients::STATIC, &[], ws);

@@ -13,7 +13,11 @@ type Checked = Result<(), SceneError>;
 /// Checks every value; the first that is out of range is the error.
 pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     if scene.name.is_empty() || scene.name.contains(['/', '\\']) {
-        return Err(source.at("name", format!("`{}` cannot be part of a file name", scene.name), "use letters and `_`"));
+        return Err(source.at(
+            "name",
+            format!("`{}` cannot be part of a file name", scene.name),
+            "use letters and `_`",
+        ));
     }
     positive(source, "seconds", scene.seconds, "s")?;
     finite(source, "gravity", &scene.gravity)?;
@@ -108,7 +112,11 @@ fn geometry(body: &BodyDescription, source: &Source<'_>) -> Checked {
             return Err(source.at("body.0.image", "an image needs the size of its elements", "add `cell = 0.012`"));
         }
         (false, Some(_)) => {
-            return Err(source.at("body.0.cell", "`cell` belongs to `image`", "remove it: this body has its own elements"));
+            return Err(source.at(
+                "body.0.cell",
+                "`cell` belongs to `image`",
+                "remove it: this body has its own elements",
+            ));
         }
         _ => {}
     }
@@ -121,7 +129,11 @@ fn geometry(body: &BodyDescription, source: &Source<'_>) -> Checked {
         let cells = block.cells.iter().try_fold(1usize, |n, &c| n.checked_mul(c)).unwrap_or(usize::MAX);
         if cells == 0 || cells > 1_000_000 {
             let message = format!("{:?} cells", block.cells);
-            return Err(source.at("body.0.block", message, "give at least 1 along each axis and at most a million in all"));
+            return Err(source.at(
+                "body.0.block",
+                message,
+                "give at least 1 along each axis and at most a million in all",
+            ));
         }
     }
     Ok(())
@@ -134,7 +146,8 @@ fn contact(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     not_negative(source, "contact.merge_distance", c.merge_distance, "m")?;
     at_least_one(source, "contact.max_contacts", c.max_contacts)?;
     if c.max_contacts > 1000 {
-        let message = format!("{} contacts make a compliance of {} MB", c.max_contacts, 9 * c.max_contacts.pow(2) / 131_072);
+        let message =
+            format!("{} contacts make a compliance of {} MB", c.max_contacts, 9 * c.max_contacts.pow(2) / 131_072);
         return Err(source.at("contact.max_contacts", message, "use at most 1000; 48 serve a fingertip"));
     }
     positive(source, "solver.tolerance", scene.solver.tolerance, "")?;
@@ -176,14 +189,22 @@ fn positive(source: &Source<'_>, path: &str, value: f64, unit: &str) -> Checked 
     if value > 0.0 && value.is_finite() {
         return Ok(());
     }
-    Err(source.at(path, format!("{} = {value} {unit} is not a positive number", last(path)).replace("  ", " "), "give a positive number"))
+    Err(source.at(
+        path,
+        format!("{} = {value} {unit} is not a positive number", last(path)).replace("  ", " "),
+        "give a positive number",
+    ))
 }
 
 fn not_negative(source: &Source<'_>, path: &str, value: f64, unit: &str) -> Checked {
     if value >= 0.0 && value.is_finite() {
         return Ok(());
     }
-    Err(source.at(path, format!("{} = {value} {unit} is negative or not finite", last(path)).replace("  ", " "), "give zero or a positive number"))
+    Err(source.at(
+        path,
+        format!("{} = {value} {unit} is negative or not finite", last(path)).replace("  ", " "),
+        "give zero or a positive number",
+    ))
 }
 
 fn at_least_one(source: &Source<'_>, path: &str, value: usize) -> Checked {

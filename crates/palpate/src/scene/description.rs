@@ -21,10 +21,10 @@ pub struct SceneDescription {
     /// One sentence that `palpate scenes` prints.
     #[serde(default)]
     pub description: String,
-    /// Length of a run [s] when the caller names none.
+    /// Length of a run (s) when the caller names none.
     #[serde(default = "ten_seconds")]
     pub seconds: f64,
-    /// Acceleration of gravity [m/s²].
+    /// Acceleration of gravity (m/s²).
     #[serde(default)]
     pub gravity: [f64; 3],
     /// Rates of the three threads.
@@ -60,7 +60,7 @@ fn ten_seconds() -> f64 {
     10.0
 }
 
-/// Rates [Hz].
+/// Rates (Hz).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RatesDescription {
@@ -70,7 +70,7 @@ pub struct RatesDescription {
     pub factor: f64,
     /// Ticks of the haptic loop per second.
     pub tick: f64,
-    /// Lockstep only: age [s] at which a refreshed factor reaches the step, as if the factor thread took so long.
+    /// Lockstep only: age (s) at which a refreshed factor reaches the step, as if the factor thread took so long.
     pub factor_delay: f64,
 }
 
@@ -95,22 +95,22 @@ pub struct BodyDescription {
     /// A rectangular block of tetrahedra, in place of a file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub block: Option<BlockDescription>,
-    /// Lattice constant [m] of tetrahedra made from `image`.
+    /// Lattice constant (m) of tetrahedra made from `image`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cell: Option<f64>,
     /// Factor from the unit of the mesh file to metres.
     #[serde(default = "one")]
     pub scale: f64,
-    /// Mass density [kg/m³].
+    /// Mass density (kg/m³).
     #[serde(default = "tissue_density")]
     pub density: f64,
-    /// Total mass [kg] shared equally by the nodes, in place of `density`.
+    /// Total mass (kg) shared equally by the nodes, in place of `density`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub total_mass: Option<f64>,
-    /// Rayleigh damping proportional to mass [1/s].
+    /// Rayleigh damping proportional to mass (1/s).
     #[serde(default)]
     pub rayleigh_mass: f64,
-    /// Rayleigh damping proportional to stiffness [s].
+    /// Rayleigh damping proportional to stiffness (s).
     #[serde(default)]
     pub rayleigh_stiffness: f64,
     /// Law of all regions that `regions` does not name.
@@ -162,9 +162,9 @@ fn free_motion_iterations() -> usize {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BlockDescription {
-    /// Lower corner [m].
+    /// Lower corner (m).
     pub min: [f64; 3],
-    /// Upper corner [m].
+    /// Upper corner (m).
     pub max: [f64; 3],
     /// Cells along each axis; each cell becomes six tetrahedra.
     pub cells: [usize; 3],
@@ -184,16 +184,16 @@ pub enum NodeSelection {
     Above(Plane),
     /// Nodes inside an axis-aligned box.
     Box {
-        /// Lower corner [m].
+        /// Lower corner (m).
         min: [f64; 3],
-        /// Upper corner [m].
+        /// Upper corner (m).
         max: [f64; 3],
     },
     /// Nodes inside a ball.
     Ball {
-        /// Centre [m].
+        /// Centre (m).
         center: [f64; 3],
-        /// Radius [m].
+        /// Radius (m).
         radius: f64,
     },
 }
@@ -204,7 +204,7 @@ pub enum NodeSelection {
 pub struct Plane {
     /// Axis normal to the plane.
     pub axis: Axis,
-    /// Coordinate on that axis [m].
+    /// Coordinate on that axis (m).
     pub at: f64,
 }
 
@@ -245,11 +245,11 @@ pub struct ContactDescription {
     pub friction: f64,
     /// Where a contact sits on the tissue: at surface nodes or on faces.
     pub at: ContactKind,
-    /// Gap [m] below which a feature becomes a (possibly inactive) contact.
+    /// Gap (m) below which a feature becomes a (possibly inactive) contact.
     pub margin: f64,
-    /// How far [m] the whole tool may lie below the skin and still be pushed out.
+    /// How far (m) the whole tool may lie below the skin and still be pushed out.
     pub reach: f64,
-    /// Face contacts closer than this [m] are merged.
+    /// Face contacts closer than this (m) are merged.
     pub merge_distance: f64,
     /// Largest number of contacts; the deepest are kept.
     pub max_contacts: usize,
@@ -257,7 +257,14 @@ pub struct ContactDescription {
 
 impl Default for ContactDescription {
     fn default() -> Self {
-        Self { friction: 0.0, at: ContactKind::Nodes, margin: 0.004, reach: 0.02, merge_distance: 0.001, max_contacts: 48 }
+        Self {
+            friction: 0.0,
+            at: ContactKind::Nodes,
+            margin: 0.004,
+            reach: 0.02,
+            merge_distance: 0.001,
+            max_contacts: 48,
+        }
     }
 }
 
@@ -306,7 +313,7 @@ impl Default for DeviceDescription {
 pub struct HandDescription {
     /// Published mass, damping and stiffness of a grip: `none`, `fingertip`, `stylus`, `arm` or `firm`.
     pub preset: String,
-    /// Times [s] and positions [m], joined by minimum-jerk motions.
+    /// Times (s) and positions (m), joined by minimum-jerk motions.
     pub path: Vec<ScriptKey>,
 }
 

@@ -54,8 +54,8 @@ impl Scene {
     /// # Errors
     /// An unreadable file, an unknown key or value, a value outside its range: with the place and the remedy.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| SceneError::Unreadable { path: path.into(), source })?;
+        let text =
+            std::fs::read_to_string(path).map_err(|source| SceneError::Unreadable { path: path.into(), source })?;
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
         Self::parse(text, path.display().to_string(), Files::Folder(folder))
     }
@@ -116,7 +116,7 @@ impl Scene {
         &self.description.name
     }
 
-    /// Length of a run [s] when the caller names none.
+    /// Length of a run (s) when the caller names none.
     pub fn seconds(&self) -> f64 {
         self.description.seconds
     }
@@ -151,7 +151,7 @@ impl Scene {
         self.rewrite()
     }
 
-    /// Changes the lattice constant [m] of the body's generated tetrahedra.
+    /// Changes the lattice constant (m) of the body's generated tetrahedra.
     ///
     /// # Errors
     /// A cell that is not positive, or a body that is read from a mesh.

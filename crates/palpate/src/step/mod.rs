@@ -3,8 +3,8 @@
 //! ```text
 //! A = M + h C + h² K(q),  A dv = b             free motion by conjugate gradients,
 //!                                              preconditioned by the latest factor, warped by nodal rotations
-//! delta_free = delta(q) + H h (v + dv)         gap if nothing touched [m]
-//! W = h² H A⁻¹ Hᵀ                              compliance [m/N] by half solves of the latest (warped) or this step's factor
+//! delta_free = delta(q) + H h (v + dv)         gap if nothing touched (m)
+//! W = h² H A⁻¹ Hᵀ                              compliance (m/N) by half solves of the latest (warped) or this step's factor
 //! delta = W lambda + delta_free, Coulomb       block Gauss-Seidel, warm-started by contact feature
 //! v+ = v + dv + h A⁻¹ Hᵀ lambda, q+ = q + h v+
 //! ```
@@ -31,7 +31,7 @@ pub use workspace::{StepState, StepWorkspace};
 /// What a step reads from the other threads.
 #[derive(Clone, Copy)]
 pub struct StepInput<'a> {
-    /// Time at the begin of the step [s].
+    /// Time at the begin of the step (s).
     pub time: f64,
     /// Pose of the tool.
     pub tool: Isometry3<f64>,

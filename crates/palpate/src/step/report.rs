@@ -2,8 +2,8 @@
 
 use nalgebra::{Isometry3, Vector3};
 use palpate_collision::detection::DetectionReport;
-use palpate_fem::assembly::AssemblyReport;
 use palpate_constraints::rows::RowReport;
+use palpate_fem::assembly::AssemblyReport;
 use palpate_fem::factor::ReachStatus;
 use palpate_fem::pcg::{PcgReport, PcgStatus};
 use palpate_solver::report::SolveReport;
@@ -21,7 +21,7 @@ pub enum StepStatus {
     RolledBack,
 }
 
-/// Wall time of the stages [s].
+/// Wall time of the stages (s).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StepTimes {
     /// Forces and system matrix.
@@ -44,7 +44,13 @@ pub struct StepTimes {
 
 impl StepTimes {
     pub(super) fn sum(&self) -> f64 {
-        self.assembly + self.free_motion + self.detection + self.compliance + self.solve + self.correction + self.hand_over
+        self.assembly
+            + self.free_motion
+            + self.detection
+            + self.compliance
+            + self.solve
+            + self.correction
+            + self.hand_over
     }
 }
 
@@ -53,7 +59,7 @@ impl StepTimes {
 pub struct StepReport {
     /// Number of the step, counted from 0.
     pub step: u64,
-    /// Time at its begin [s].
+    /// Time at its begin (s).
     pub time: f64,
     /// How it ended.
     pub status: StepStatus,
@@ -75,21 +81,21 @@ pub struct StepReport {
     pub solve: SolveReport,
     /// Contacts that carry a force.
     pub active: usize,
-    /// Force of the tissue on the tool [N].
+    /// Force of the tissue on the tool (N).
     pub force: Vector3<f64>,
-    /// Torque of the tissue on the tool about its origin [N m].
+    /// Torque of the tissue on the tool about its origin (N m).
     pub torque: Vector3<f64>,
-    /// Size of the part of the force along the skin: the vector sum of friction [N].
+    /// Size of the part of the force along the skin: the vector sum of friction (N).
     pub tangential_force: f64,
-    /// How far the touched skin is pushed from its place at rest, along the contact normal [m].
+    /// How far the touched skin is pushed from its place at rest, along the contact normal (m).
     pub indentation: f64,
     /// Epoch of the factor that was used.
     pub factor_epoch: u64,
-    /// Age of that factor [s].
+    /// Age of that factor (s).
     pub factor_age: f64,
     /// Times of the stages.
     pub times: StepTimes,
-    /// How late the step began [s].
+    /// How late the step began (s).
     pub latency: f64,
     /// Deadlines missed since the last step.
     pub overruns: u32,

@@ -18,7 +18,7 @@ use super::{StepInput, StepReport, StepState, StepStatus, StepWorkspace};
 use crate::refresh::FactorSample;
 use crate::world::World;
 
-/// How far [m] a contact may slide from a remembered force and still start from it: a few tool motions of one step.
+/// How far (m) a contact may slide from a remembered force and still start from it: a few tool motions of one step.
 const WARM_START_RADIUS: f64 = 5e-3;
 
 /// `A dv = b` by conjugate gradients from zero, preconditioned by the factor warped with the rotations since it was

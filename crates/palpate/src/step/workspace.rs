@@ -34,7 +34,7 @@ pub struct StepState {
     pub contacts: ContactSet,
     /// The state before the last step, to which a failed step returns.
     before: FemState,
-    /// Where the body was when the run began: indentation is measured from here [m].
+    /// Where the body was when the run began: indentation is measured from here (m).
     pub(super) rest: Vec<Vector3<f64>>,
 }
 
@@ -58,7 +58,7 @@ impl StepState {
         &self.before.q
     }
 
-    /// Where the body was when the run began [m].
+    /// Where the body was when the run began (m).
     pub fn rest(&self) -> &[Vector3<f64>] {
         &self.rest
     }
@@ -83,9 +83,9 @@ pub struct StepWorkspace {
     pub(super) rotations: Vec<Matrix3<f64>>,
     pub(super) pcg: PcgWorkspace,
     pub(super) solve: SolveWorkspace,
-    /// Free velocity `v + dv` of the free nodes [m/s].
+    /// Free velocity `v + dv` of the free nodes (m/s).
     pub(super) v_free: Vec<f64>,
-    /// `A⁻¹ Hᵀ lambda` [m/s²].
+    /// `A⁻¹ Hᵀ lambda` (m/s²).
     pub(super) correction: Vec<f64>,
     pub(super) geometry: SurfaceGeometry,
     pub(super) detection: DetectionWorkspace,
@@ -99,6 +99,21 @@ pub struct StepWorkspace {
 }
 
 impl StepWorkspace {
+    /// Contact forces of the last step (N), one per row.
+    pub fn forces(&self) -> &[f64] {
+        self.lambda.get(..self.rows.len()).unwrap_or(&[])
+    }
+
+    /// Rows of the last step. With asynchronous compliance the tissue's part is turned into the factor's frame.
+    pub fn rows(&self) -> &ContactRows {
+        &self.rows
+    }
+
+    /// The contact problem of the last step.
+    pub fn problem(&self) -> &ConstraintProblem {
+        &self.problem
+    }
+
     /// Memory for the world's body and its largest number of contacts.
     pub fn new(world: &World) -> Self {
         let (model, symbolic) = (world.model(), world.symbolic());

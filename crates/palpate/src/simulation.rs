@@ -1,0 +1,117 @@
+//! A scene stepped by its caller: the tool goes where it is told, one step at a time, on the caller's thread.
+
+use nalgebra::{Isometry3, Vector3};
+use palpate_fem::factor::{Factor, FactorStatus};
+use palpate_haptics::snapshot::HapticSnapshot;
+use std::sync::Arc;
+
+use crate::refresh::FactorSample;
+use crate::run::RunError;
+use crate::settle::settle;
+use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, step};
+use crate::world::World;
+
+/// A body and a tool without device, threads and trace: for programs that bring their own loop, and for measuring.
+///
+/// The factor is refreshed on the caller's thread every `refresh_every` steps, from the matrix of the step before.
+pub struct Simulation<'w> {
+    world: &'w World,
+    state: StepState,
+    ws: StepWorkspace,
+    factor: FactorSample,
+    spare: Factor,
+    snapshot: HapticSnapshot,
+    refresh_every: u64,
+}
+
+impl<'w> Simulation<'w> {
+    /// Settles the body and factors its first matrix. Call it on the thread (or in the rayon pool) that will step.
+    ///
+    /// # Errors
+    /// A body whose first matrix is not positive definite.
+    pub fn new(world: &'w World) -> Result<Self, RunError> {
+        let (rest, _) = settle(world);
+        let mut ws = StepWorkspace::new(world);
+        palpate_fem::assembly::assemble(world.model(), &rest, world.dt(), &[], &mut ws.fem);
+        let mut factor = Factor::new(Arc::clone(world.symbolic()));
+        let status = factor.refactor(&ws.fem.system).status;
+        if status != FactorStatus::Ok {
+            return Err(RunError::Factorization { status: format!("{status:?}") });
+        }
+        let factor = FactorSample { epoch: 0, step: 0, time: 0.0, q: rest.q.clone(), factor };
+        Ok(Self {
+            world,
+            state: StepState::new(world, rest),
+            ws,
+            factor,
+            spare: Factor::new(Arc::clone(world.symbolic())),
+            snapshot: HapticSnapshot::new(world.detection().max_contacts),
+            refresh_every: 1,
+        })
+    }
+
+    /// Refreshes the factor after every `steps` steps; 0 never refreshes it.
+    #[must_use]
+    pub fn refresh_every(mut self, steps: u64) -> Self {
+        self.refresh_every = steps;
+        self
+    }
+
+    /// One step with the tool at `tool`.
+    pub fn step(&mut self, tool: &Isometry3<f64>) -> StepReport {
+        let time = self.state.step as f64 * self.world.dt();
+        let input = StepInput { time, tool: *tool, factor: &self.factor };
+        let report = step(self.world, &input, &mut self.state, &mut self.ws, &mut self.snapshot);
+        let due = self.refresh_every > 0 && self.state.step.is_multiple_of(self.refresh_every);
+        if due && report.status == StepStatus::Advanced {
+            self.refresh(&report);
+        }
+        report
+    }
+
+    /// Factors the matrix of the step that was just done; the old factor stays where that fails.
+    fn refresh(&mut self, report: &StepReport) {
+        if self.spare.refactor(&self.ws.fem.system).status != FactorStatus::Ok {
+            return;
+        }
+        std::mem::swap(&mut self.spare, &mut self.factor.factor);
+        self.factor.epoch += 1;
+        (self.factor.step, self.factor.time) = (report.step, report.time);
+        self.factor.q.copy_from_slice(self.state.before());
+    }
+
+    /// The world that it simulates.
+    pub fn world(&self) -> &World {
+        self.world
+    }
+
+    /// Body, tool, remembered forces.
+    pub fn state(&self) -> &StepState {
+        &self.state
+    }
+
+    /// The same, to set up an experiment.
+    pub fn state_mut(&mut self) -> &mut StepState {
+        &mut self.state
+    }
+
+    /// Positions of all nodes (m).
+    pub fn positions(&self) -> &[Vector3<f64>] {
+        &self.state.fem.q
+    }
+
+    /// The local problem of the last step, as the tick gets it.
+    pub fn snapshot(&self) -> &HapticSnapshot {
+        &self.snapshot
+    }
+
+    /// Contact forces of the last step (N), one per row.
+    pub fn forces(&self) -> &[f64] {
+        self.ws.forces()
+    }
+
+    /// Scratch of the last step: matrix, rows, compliance.
+    pub fn workspace(&self) -> &StepWorkspace {
+        &self.ws
+    }
+}
