@@ -43,11 +43,11 @@ pub enum SurfaceError {
 pub struct SurfacePoint {
     /// The triangle that holds it.
     pub triangle: u32,
-    /// The point (m).
+    /// The point \[m\].
     pub point: Vector3<f64>,
     /// Outward normal there, interpolated between the vertices; zero where they cancel.
     pub normal: Vector3<f64>,
-    /// Distance (m), negative where the query lies on the inner side of the normal.
+    /// Distance \[m\], negative where the query lies on the inner side of the normal.
     pub signed_distance: f64,
 }
 
@@ -68,7 +68,7 @@ pub struct SurfaceGeometry {
 }
 
 impl SurfaceGeometry {
-    /// A surface from triangles over the body's nodes at `positions` (m), refitted to them.
+    /// A surface from triangles over the body's nodes at `positions` \[m\], refitted to them.
     ///
     /// # Errors
     /// [`SurfaceError`] names the triangle or node that is wrong.
@@ -116,7 +116,7 @@ impl SurfaceGeometry {
         Ok(surface)
     }
 
-    /// Refills boxes and vertex normals from the positions of the body's nodes (m).
+    /// Refills boxes and vertex normals from the positions of the body's nodes \[m\].
     ///
     /// The normal of a vertex is the sum of its triangles' normals weighted by area. Triangles with a coordinate that
     /// is not finite or beyond 1e6 m are left out, and their number is returned.
@@ -192,7 +192,7 @@ impl SurfaceGeometry {
         self.non_finite
     }
 
-    /// Corners of a triangle (m); none where one is not finite.
+    /// Corners of a triangle \[m\]; none where one is not finite.
     pub fn corners(&self, triangle: u32, positions: &[Vector3<f64>]) -> Option<[Vector3<f64>; 3]> {
         finite_corners(self.triangles.get(triangle as usize)?, positions)
     }
@@ -237,7 +237,7 @@ impl SurfaceGeometry {
     }
 }
 
-/// Coordinates beyond this (m) are taken for not finite: the body has diverged, and products of them may overflow.
+/// Coordinates beyond this \[m\] are taken for not finite: the body has diverged, and products of them may overflow.
 const FARTHEST: f64 = 1e6;
 
 fn finite_corners(t: &[u32; 3], positions: &[Vector3<f64>]) -> Option<[Vector3<f64>; 3]> {

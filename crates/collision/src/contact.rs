@@ -13,14 +13,14 @@ pub struct Contact {
     pub weights: [f64; 3],
     /// Unit vector from the tool towards the tissue: the direction in which the tool pushes the tissue.
     pub normal: Vector3<f64>,
-    /// The tissue point in the world frame (m).
+    /// The tissue point in the world frame \[m\].
     pub tissue_point: Vector3<f64>,
-    /// The tool's point opposite to it in the world frame [m]: `tissue_point - gap normal`.
+    /// The tool's point opposite to it in the world frame \[m\]: `tissue_point - gap normal`.
     ///
     /// It lies on the tool's surface, or on its tangent plane where the tool is so deep that the normal is taken
     /// from the skin (see [`narrow_phase`](crate::narrow_phase)).
     pub tool_point: Vector3<f64>,
-    /// `(tissue_point - tool_point) · normal` (m); negative where the tool is inside the tissue.
+    /// `(tissue_point - tool_point) · normal` \[m\]; negative where the tool is inside the tissue.
     pub gap: f64,
 }
 

@@ -1,7 +1,7 @@
 //! Detection: from a surface and a tool to contacts.
 //!
 //! A box around the tool, widened by the margin and the reach, selects triangles; their nodes ([`ContactKind::Nodes`])
-//! or their deepest points ([`ContactKind::Faces`]) become features with a gap and a normal ([`narrow_phase`]); features
+//! or their deepest points ([`ContactKind::Faces`]) become features with a gap and a normal ([`narrow_phase`](crate::narrow_phase)); features
 //! on the wrong side are rejected; what is left is sorted by depth, near-duplicates are merged, and the deepest are kept.
 //!
 //! **Sides.** The far skin of a thin organ and the near skin that a tool has passed look alike: the distance to both
@@ -48,9 +48,9 @@ pub struct DetectionConfig {
     pub margin: f64,
     /// How far the whole tool may lie below the skin and still be pushed out (default 10 mm).
     pub reach: f64,
-    /// Contacts closer together than this (m) merge into the deepest (default 0: identical points only).
+    /// Contacts closer together than this \[m\] merge into the deepest (default 0: identical points only).
     pub merge_distance: f64,
-    /// Contacts whose normals differ by more than this (rad) never merge (default 0.2).
+    /// Contacts whose normals differ by more than this \[rad\] never merge (default 0.2).
     pub merge_angle: f64,
     /// Most contacts kept, the deepest first (default 64).
     pub max_contacts: usize,
@@ -119,7 +119,7 @@ pub struct DetectionReport {
     pub dropped: usize,
     /// Triangles left out because a coordinate is not finite or beyond 1e6 m, plus 1 if the pose is.
     pub non_finite: usize,
-    /// Least gap (m); infinite without contacts.
+    /// Least gap \[m\]; infinite without contacts.
     pub deepest_gap: f64,
     /// The whole tool lies below the skin. At set-up: refuse. In a run: a fast tool has passed through; it is pushed out
     /// as long as the reach allows.
@@ -183,7 +183,7 @@ impl Visited {
 
 /// Finds the contacts between a refitted surface and a tool at a pose.
 ///
-/// `positions` are the body's nodes (m) that the surface was refitted to. `out` enters with what the step before left
+/// `positions` are the body's nodes \[m\] that the surface was refitted to. `out` enters with what the step before left
 /// (for the side from which the tool came) and leaves with the new contacts, ascending by feature. Non-finite numbers
 /// give no contact and are counted.
 pub fn detect(

@@ -111,7 +111,7 @@ impl Meeting<'_> {
         });
     }
 
-    /// Edges of a hull against an edge of the surface, as far as they pass within `range` (m) of it.
+    /// Edges of a hull against an edge of the surface, as far as they pass within `range` \[m\] of it.
     pub(crate) fn hull_edges(
         &self,
         edge: u32,

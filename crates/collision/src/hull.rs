@@ -11,7 +11,7 @@ use crate::convert;
 use crate::shape::{Outline, ShapeError, ToolPoint};
 use crate::triangle::closest_on_triangle;
 
-/// Edges between faces whose normals differ by less than this angle (rad) lie in one face of the solid.
+/// Edges between faces whose normals differ by less than this angle \[rad\] lie in one face of the solid.
 const COPLANAR: f64 = 0.02;
 
 /// An edge of a hull between two faces that meet at an angle.
@@ -44,7 +44,7 @@ pub struct ConvexHull {
 }
 
 impl ConvexHull {
-    /// The hull of `points` (m).
+    /// The hull of `points` \[m\].
     ///
     /// # Errors
     /// [`ShapeError::Hull`] where the points span no volume, and [`ShapeError::NotFinite`].
@@ -105,7 +105,7 @@ impl ConvexHull {
         })
     }
 
-    /// Corners (m).
+    /// Corners \[m\].
     pub fn vertices(&self) -> &[Vector3<f64>] {
         &self.vertices
     }
@@ -135,17 +135,17 @@ impl ConvexHull {
         &self.neighbours[self.neighbour_start[v] as usize..self.neighbour_start[v + 1] as usize]
     }
 
-    /// Mean of the vertices: a point inside (m).
+    /// Mean of the vertices: a point inside \[m\].
     pub fn centre(&self) -> Vector3<f64> {
         self.centre
     }
 
-    /// Radius of a ball about the centre that fits into the hull (m).
+    /// Radius of a ball about the centre that fits into the hull \[m\].
     pub fn inner_radius(&self) -> f64 {
         self.inner_radius
     }
 
-    /// Radius of a ball about the centre that holds the hull (m).
+    /// Radius of a ball about the centre that holds the hull \[m\].
     pub fn outer_radius(&self) -> f64 {
         self.outer_radius
     }

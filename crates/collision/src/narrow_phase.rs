@@ -38,7 +38,7 @@ const TRUSTED: f64 = 0.5;
 pub struct Touch {
     /// Unit vector from the tool towards the tissue.
     pub normal: Vector3<f64>,
-    /// Gap along it (m).
+    /// Gap along it \[m\].
     pub gap: f64,
     /// Least cosine between the skin's normal and the side from which the tool came for this to be a touch: -1 for any
     /// side, -1/2 for all but the opposite one, 1/2 for the same side.
@@ -47,7 +47,7 @@ pub struct Touch {
     pub submerged: bool,
 }
 
-/// The gap of a tissue point `x` (m) with outward skin normal `skin`; none where the tool neither faces nor covers it.
+/// The gap of a tissue point `x` \[m\] with outward skin normal `skin`; none where the tool neither faces nor covers it.
 ///
 /// A zero `skin` (normals that cancel) leaves the distance as it is.
 pub fn touch(tool: &ToolShape, pose: &Isometry3<f64>, x: &Vector3<f64>, skin: &Vector3<f64>) -> Option<Touch> {
@@ -210,14 +210,19 @@ impl HullInWorld {
         mut visit: impl FnMut(u32, f64, Touch),
     ) {
         let tissue = b - a;
+        // Seen along the skin's normal: tool * s - tissue * t = a - p, solved across `beside`.
+        let beside = tissue.cross(skin);
         for (number, edge) in hull.edges().iter().enumerate() {
             let [p, q] = edge.vertices.map(|v| self.vertices[v as usize]);
             let tool = q - p;
-            let apart = ((a + b) - (p + q)).norm() / 2.0;
-            if apart > (tissue.norm() + tool.norm()) / 2.0 + within {
+            // They must cross seen along the skin: a crossing seen along their own perpendicular only lies beside the
+            // hull's end, and claims a depth that the hull does not have.
+            let s = (a - p).dot(&beside) / tool.dot(&beside);
+            if !(0.0..=1.0).contains(&s) || ((a + b) - (p + q)).norm() > tissue.norm() + tool.norm() + 2.0 * within {
                 continue;
             }
             let cross = tool.cross(&tissue);
+            let place = |along: &Vector3<f64>| (a - p).cross(&tool).dot(along) / cross.dot(along);
             // Edges within a thousandth of parallel have no common perpendicular worth the name; corners hold them.
             let Some(mut normal) = cross.try_normalize(1e-3 * tool.norm() * tissue.norm()) else { continue };
             let [n, m] = edge.faces.map(|f| self.normals[f as usize]);
@@ -225,24 +230,15 @@ impl HullInWorld {
                 normal = -normal;
             }
             let wedge = n.cross(&m);
-            if n.cross(&normal).dot(&wedge) < 0.0 || normal.cross(&m).dot(&wedge) < 0.0 {
+            let between = n.cross(&normal).dot(&wedge) >= 0.0 && normal.cross(&m).dot(&wedge) >= 0.0;
+            if !between || -normal.dot(skin) < TRUSTED || !(0.0..=1.0).contains(&place(skin)) {
                 continue;
             }
-            let facing = -normal.dot(skin);
-            if facing.is_nan() || facing < TRUSTED {
-                continue;
-            }
-            let gap = (a - p).dot(&normal);
-            // They touch where they cross, seen along their perpendicular; but seen along the skin's normal they must
-            // cross too: else the crossing lies beside the hull's end, and claims a depth that the hull does not have.
-            let crossing = |along: &Vector3<f64>| {
-                let area = cross.dot(along);
-                let s = (a - p).cross(&tissue).dot(along) / area;
-                let t = (a - p).cross(&tool).dot(along) / area;
-                ((0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t)).then_some(t)
-            };
-            if let (Some(t), Some(_)) = (crossing(&cross), crossing(skin)) {
-                visit(number as u32, t, self.touch_at(&a, skin, normal, gap));
+            // The feet of the perpendicular carry the contact.
+            let foot = (a - p).cross(&tissue).dot(&cross) / cross.norm_squared();
+            let t = place(&cross);
+            if (0.0..=1.0).contains(&foot) && (0.0..=1.0).contains(&t) {
+                visit(number as u32, t, self.touch_at(&a, skin, normal, (a - p).dot(&normal)));
             }
         }
     }

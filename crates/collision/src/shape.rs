@@ -17,7 +17,7 @@ pub enum ShapeError {
     Length {
         /// Which length.
         what: &'static str,
-        /// The length given (m).
+        /// The length given \[m\].
         value: f64,
         /// What it must be.
         bound: &'static str,
@@ -45,9 +45,9 @@ pub enum ShapeError {
 /// The nearest point of a tool's surface to a point of space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolPoint {
-    /// Signed distance (m), negative inside the tool.
+    /// Signed distance \[m\], negative inside the tool.
     pub distance: f64,
-    /// The nearest point of the tool's surface (m).
+    /// The nearest point of the tool's surface \[m\].
     pub point: Vector3<f64>,
     /// The tool's outward unit normal there; zero where no direction is nearest (centre of a sphere, axis of a
     /// capsule), and then `point` is the query itself.
@@ -57,7 +57,7 @@ pub struct ToolPoint {
 /// Where a point lies relative to the outline of a tool, seen along a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outline {
-    /// Signed distance [m]: negative where the line through the point along the direction meets the tool. For a hull
+    /// Signed distance \[m\]: negative where the line through the point along the direction meets the tool. For a hull
     /// outside its outline, the distance to the line through the nearest edge.
     pub distance: f64,
     /// Outward unit normal of the outline, across the direction; zero in the middle of a round outline.
@@ -67,9 +67,9 @@ pub struct Outline {
 /// A ball inside a tool; balls of [`ToolShape::probes`] tell where a tool lies relative to the skin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
-    /// Centre (m).
+    /// Centre \[m\].
     pub centre: Vector3<f64>,
-    /// Radius (m); 0 for a corner of a hull.
+    /// Radius \[m\]; 0 for a corner of a hull.
     pub radius: f64,
 }
 
@@ -135,7 +135,7 @@ impl ToolShape {
     /// A ball about the origin of the tool's frame.
     ///
     /// # Errors
-    /// [`ShapeError::Length`] where `radius` (m) is not positive.
+    /// [`ShapeError::Length`] where `radius` \[m\] is not positive.
     pub fn sphere(radius: f64) -> Result<Self, ShapeError> {
         Ok(Self { geometry: Geometry::Sphere { radius: positive("radius", radius)? } })
     }
@@ -143,7 +143,7 @@ impl ToolShape {
     /// All points within `radius` of the segment from `-half_length` to `half_length` on the z axis.
     ///
     /// # Errors
-    /// [`ShapeError::Length`] where `radius` is not positive or `half_length` is negative (m).
+    /// [`ShapeError::Length`] where `radius` is not positive or `half_length` is negative \[m\].
     pub fn capsule(half_length: f64, radius: f64) -> Result<Self, ShapeError> {
         if !(half_length >= 0.0 && half_length.is_finite()) {
             return Err(ShapeError::Length { what: "half_length", value: half_length, bound: "at least zero" });
@@ -151,7 +151,7 @@ impl ToolShape {
         Ok(Self { geometry: Geometry::Capsule { half_length, radius: positive("radius", radius)? } })
     }
 
-    /// The convex hull of `vertices` (m).
+    /// The convex hull of `vertices` \[m\].
     ///
     /// # Errors
     /// [`ShapeError::Hull`] where they span no volume; [`ShapeError::NotFinite`].
@@ -167,7 +167,7 @@ impl ToolShape {
         }
     }
 
-    /// Ends of the axis of a sphere (the centre, twice) or capsule in the world frame (m); none for a hull.
+    /// Ends of the axis of a sphere (the centre, twice) or capsule in the world frame \[m\]; none for a hull.
     pub fn axis(&self, pose: &Isometry3<f64>) -> Option<[Vector3<f64>; 2]> {
         match &self.geometry {
             Geometry::Sphere { .. } => Some([pose.translation.vector; 2]),
@@ -179,7 +179,7 @@ impl ToolShape {
         }
     }
 
-    /// Nearest point of the tool to `point`, all in the world frame (m).
+    /// Nearest point of the tool to `point`, all in the world frame \[m\].
     pub fn signed_distance(&self, pose: &Isometry3<f64>, point: &Vector3<f64>) -> ToolPoint {
         let local = pose.inverse_transform_point(&Point3::from(*point)).coords;
         let near = match &self.geometry {
@@ -196,7 +196,7 @@ impl ToolShape {
         }
     }
 
-    /// The tool's point that lies farthest along `direction` (unit vector, world frame) (m).
+    /// The tool's point that lies farthest along `direction` (unit vector, world frame) \[m\].
     pub fn support(&self, pose: &Isometry3<f64>, direction: &Vector3<f64>) -> Vector3<f64> {
         let local = pose.rotation.inverse_transform_vector(direction);
         let point = match &self.geometry {
@@ -260,7 +260,7 @@ impl ToolShape {
         }
     }
 
-    /// Radius of a ball inside the tool [m]: the depth up to which the nearest way out can be trusted.
+    /// Radius of a ball inside the tool \[m\]: the depth up to which the nearest way out can be trusted.
     pub fn inner_radius(&self) -> f64 {
         match &self.geometry {
             Geometry::Sphere { radius } | Geometry::Capsule { radius, .. } => *radius,
@@ -268,7 +268,7 @@ impl ToolShape {
         }
     }
 
-    /// Centre and radius of a ball that holds the tool, in the world frame (m).
+    /// Centre and radius of a ball that holds the tool, in the world frame \[m\].
     pub fn bounding_sphere(&self, pose: &Isometry3<f64>) -> (Vector3<f64>, f64) {
         match &self.geometry {
             Geometry::Sphere { radius } => (pose.translation.vector, *radius),
@@ -277,7 +277,7 @@ impl ToolShape {
         }
     }
 
-    /// Lower and upper corner of the box along the world's axes that holds the tool (m).
+    /// Lower and upper corner of the box along the world's axes that holds the tool \[m\].
     pub fn bounding_box(&self, pose: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let mut low = Vector3::repeat(f64::INFINITY);
         let mut high = Vector3::repeat(f64::NEG_INFINITY);

@@ -12,9 +12,9 @@ const LEAF: usize = 4;
 /// A box along the world's axes; empty where `low > high`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
-    /// Lower corner (m).
+    /// Lower corner \[m\].
     pub low: Vector3<f64>,
-    /// Upper corner (m).
+    /// Upper corner \[m\].
     pub high: Vector3<f64>,
 }
 
@@ -41,7 +41,7 @@ impl Aabb {
         (0..3).all(|k| self.low[k] <= other.high[k] && other.low[k] <= self.high[k])
     }
 
-    /// Square of the distance of a point to the box (m²); infinite for the empty box.
+    /// Square of the distance of a point to the box \[m²\]; infinite for the empty box.
     pub fn distance_squared(&self, p: &Vector3<f64>) -> f64 {
         (0..3).map(|k| (self.low[k] - p[k]).max(p[k] - self.high[k]).max(0.0).powi(2)).sum()
     }

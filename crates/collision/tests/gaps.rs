@@ -2,6 +2,8 @@
 
 mod common;
 
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+
 use common::{at, box_hull, config, detect_once, standard_block, turned};
 use nalgebra::Vector3;
 use palpate_collision::contact::{FeatureKind, feature_kind};
@@ -54,9 +56,9 @@ fn capsule_lies_on_two_ends() {
     let (surface, positions) = standard_block();
     let (half, radius) = (0.011, 0.004);
     let tool = ToolShape::capsule(half, radius).unwrap();
-    for turn in [0.0, 0.3, 0.7853981633974483, 1.5707963267948966] {
+    for turn in [0.0, 0.3, FRAC_PI_4, FRAC_PI_2] {
         // Lay the axis along x, then turn about z.
-        let lie = turned(Vector3::zeros(), Vector3::new(0.0, std::f64::consts::FRAC_PI_2, 0.0));
+        let lie = turned(Vector3::zeros(), Vector3::new(0.0, FRAC_PI_2, 0.0));
         let pose = turned(Vector3::new(0.0512, 0.0483, TOP + 0.0035), Vector3::new(0.0, 0.0, turn)) * lie;
         let (set, report) = detect_once(&surface, &positions, &tool, &pose, &config(ContactKind::Faces));
         check(&set, &positions);

@@ -33,8 +33,6 @@ fn any_surface() -> impl Strategy<Value = (Vec<[u32; 3]>, Vec<Vector3<f64>>)> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
-
     /// Every contact is sound, whatever comes in; what is not finite is counted and touches nothing.
     #[test]
     fn contacts_are_sound(

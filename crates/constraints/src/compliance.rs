@@ -2,7 +2,7 @@
 //!
 //! `W = h² H A⁻¹ Hᵀ` [m/N]: how far the gap of one row opens per newton on another within a step. `A` is in kg, `H` has
 //! no unit, and the factor `h²` appears here and nowhere else. The matching correction of the motion is
-//! `Δv = h A⁻¹ Hᵀ λ` (m/s).
+//! `Δv = h A⁻¹ Hᵀ λ` [m/s].
 //!
 //! The asynchronous method has only the factor of an older matrix `A₀`, taken when the tissue was turned differently.
 //! With `R` the block-diagonal matrix of the nodes' rotations since then, `A⁻¹ ≈ R A₀⁻¹ Rᵀ` (compliance warping: Saupin,
@@ -33,11 +33,11 @@ pub trait InverseRows {
     /// Scratch memory; also keeps what `correct` needs from the latest `compliance_into`.
     type Workspace;
 
-    /// `w = scale H A⁻¹ Hᵀ`; `w` is given the size `m x m`.
-    fn compliance_into(&self, rows: &NodalRows, scale: f64, w: &mut DMatrix<f64>, ws: &mut Self::Workspace);
+    /// `w = scale H A⁻¹ Hᵀ` into a matrix of size `m x m`; false where there is no valid inverse.
+    fn compliance_into(&self, rows: &NodalRows, scale: f64, w: &mut DMatrix<f64>, ws: &mut Self::Workspace) -> bool;
 
-    /// `x = A⁻¹ Hᵀ λ`, with the rows of the latest `compliance_into` on this workspace.
-    fn correct(&self, lambda: &[f64], x: &mut [f64], ws: &mut Self::Workspace);
+    /// `x = A⁻¹ Hᵀ λ`, with the rows of the latest `compliance_into` on this workspace; false where that does not fit.
+    fn correct(&self, lambda: &[f64], x: &mut [f64], ws: &mut Self::Workspace) -> bool;
 }
 
 /// The inverse that a method uses.
@@ -86,11 +86,11 @@ impl<W> ComplianceWorkspace<W> {
 pub struct ComplianceReport {
     /// Rows `m`.
     pub rows: usize,
-    /// Least and greatest diagonal entry (m/N); both 0 without rows.
+    /// Least and greatest diagonal entry [m/N]; both 0 without rows.
     pub diagonal: [f64; 2],
     /// `max |W - Wᵀ| / max |W|`.
     pub asymmetry: f64,
-    /// Every entry is finite and every diagonal entry positive.
+    /// There was a valid inverse, every entry is finite, and every diagonal entry positive.
     pub usable: bool,
 }
 
@@ -101,7 +101,7 @@ pub fn rotate_rows(rows: &mut NodalRows, rotations: &[Matrix3<f64>]) {
     rows.map_values(|node, value| rotations.get(node as usize).map_or(value, |r| r.tr_mul(&value)));
 }
 
-/// Assembles `W = h² H A⁻¹ Hᵀ` (m/N) of the rows for the step `dt` (s).
+/// Assembles `W = h² H A⁻¹ Hᵀ` [m/N] of the rows for the step `dt` \[s\].
 pub fn assemble<I: InverseRows>(
     system: WarpedInverse<'_, I>,
     rows: &NodalRows,
@@ -110,7 +110,8 @@ pub fn assemble<I: InverseRows>(
     ws: &mut ComplianceWorkspace<I::Workspace>,
 ) -> ComplianceReport {
     let h2 = dt * dt;
-    match system.rotations {
+    resize_square(w, rows.len());
+    let valid = match system.rotations {
         None => system.inverse.compliance_into(rows, h2, w, &mut ws.inverse),
         Some(rotations) => {
             ws.rotated.clear();
@@ -118,26 +119,33 @@ pub fn assemble<I: InverseRows>(
                 ws.rotated.push_row(rows.row(r));
             }
             rotate_rows(&mut ws.rotated, rotations);
-            system.inverse.compliance_into(&ws.rotated, h2, w, &mut ws.inverse);
+            system.inverse.compliance_into(&ws.rotated, h2, w, &mut ws.inverse)
         }
-    }
-    report(w, rows.len())
+    };
+    let report = report(w, rows.len());
+    ComplianceReport { usable: report.usable && valid, ..report }
 }
 
-/// Correction `Δv = h A⁻¹ Hᵀ λ` (m/s) of the free nodes for the rows of the latest [`assemble`]; overwrites `delta_v`.
+/// Correction `Δv = h A⁻¹ Hᵀ λ` [m/s] of the free nodes for the rows of the latest [`assemble`]; overwrites `delta_v`.
+///
+/// False, and no correction, where the inverse has changed since or the lengths do not fit.
 pub fn correct<I: InverseRows>(
     system: WarpedInverse<'_, I>,
     lambda: &[f64],
     dt: f64,
     delta_v: &mut [f64],
     ws: &mut ComplianceWorkspace<I::Workspace>,
-) {
-    system.inverse.correct(lambda, delta_v, &mut ws.inverse);
+) -> bool {
+    if !system.inverse.correct(lambda, delta_v, &mut ws.inverse) {
+        delta_v.fill(0.0);
+        return false;
+    }
     for (k, x) in delta_v.chunks_exact_mut(3).enumerate() {
         let v = nalgebra::Vector3::new(x[0], x[1], x[2]) * dt;
         let v = system.rotations.and_then(|all| all.get(k)).map_or(v, |r| r * v);
         x.copy_from_slice(v.as_slice());
     }
+    true
 }
 
 /// Gives a square matrix another size, in its own memory where that suffices; its entries become zero.

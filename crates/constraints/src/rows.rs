@@ -8,12 +8,12 @@
 //!   = H v + force · v_tool + torque · ω,            force = -d,  torque = -(r x d)
 //! ```
 //!
-//! so the tissue's row is `w_k d` at node `k`, and [`ToolRow`] is the rest. By virtual power a row force `λ` (N) puts
+//! so the tissue's row is `w_k d` at node `k`, and [`ToolRow`] is the rest. By virtual power a row force `λ` \[N\] puts
 //! `w_k d λ` on node `k` and the wrench `(force λ, torque λ)` on the tool about its reference point. Both act at `x`:
 //! the forces add up to zero, and so do their moments about any point. `d` points from the tool to the tissue, so a
 //! positive normal force pushes the tissue away and the tool back.
 //!
-//! `δ_free` (m) is the gap at the end of the step if nothing touched. The tool is already at its pose of the end of the
+//! `δ_free` \[m\] is the gap at the end of the step if nothing touched. The tool is already at its pose of the end of the
 //! step when the gap is measured, the tissue still at its beginning:
 //!
 //! ```text
@@ -35,20 +35,20 @@ use crate::frame::ContactFrame;
 /// The tool's part of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolRow {
-    /// `-d`: change of the row's gap per metre of the tool's translation (-); force on the tool per newton of the row.
+    /// `-d`: change of the row's gap per metre of the tool's translation [-]; force on the tool per newton of the row.
     pub force: Vector3<f64>,
-    /// `-(r x d)` [m]: change of the row's gap per radian of the tool's rotation about its reference point; torque on
+    /// `-(r x d)` \[m\]: change of the row's gap per radian of the tool's rotation about its reference point; torque on
     /// the tool about that point per newton of the row.
     pub torque: Vector3<f64>,
 }
 
 impl ToolRow {
-    /// The row of direction `d` (unit vector) at lever `r` (m) from the tool's reference point.
+    /// The row of direction `d` (unit vector) at lever `r` \[m\] from the tool's reference point.
     pub fn new(direction: &Vector3<f64>, lever: &Vector3<f64>) -> Self {
         Self { force: -direction, torque: -lever.cross(direction) }
     }
 
-    /// Velocity of the row's gap (m/s) from the tool's velocity (m/s) and angular velocity (rad/s).
+    /// Velocity of the row's gap [m/s] from the tool's velocity [m/s] and angular velocity [rad/s].
     pub fn dot(&self, velocity: &Vector3<f64>, angular_velocity: &Vector3<f64>) -> f64 {
         self.force.dot(velocity) + self.torque.dot(angular_velocity)
     }
@@ -57,9 +57,9 @@ impl ToolRow {
 /// A wrench on a tool about its reference point, in the world frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ToolWrench {
-    /// Force (N).
+    /// Force \[N\].
     pub force: Vector3<f64>,
-    /// Torque about the reference point (N m).
+    /// Torque about the reference point [N m].
     pub torque: Vector3<f64>,
 }
 
@@ -86,7 +86,7 @@ impl ToolMotion {
         }
     }
 
-    /// Displacement (m) during the step of the tool's point that ends it at `lever` (m) from the reference point.
+    /// Displacement \[m\] during the step of the tool's point that ends it at `lever` \[m\] from the reference point.
     pub fn displacement(&self, lever: &Vector3<f64>) -> Vector3<f64> {
         self.translation + self.turn * lever
     }
@@ -113,11 +113,11 @@ impl RowBlock {
 /// Rows of the contacts of one body. Workspace: refilled at every step.
 #[derive(Clone, Debug)]
 pub struct ContactRows {
-    /// `H` over the free nodes of the body (-).
+    /// `H` over the free nodes of the body [-].
     pub tissue: NodalRows,
     /// The tool's part of each row.
     pub tool: Vec<ToolRow>,
-    /// `δ_free` of each row (m).
+    /// `δ_free` of each row \[m\].
     pub delta_free: Vec<f64>,
     /// One block per contact that has rows.
     pub blocks: Vec<RowBlock>,
@@ -158,7 +158,7 @@ impl ContactRows {
         self.delta_free.is_empty()
     }
 
-    /// The wrench on the tool from row forces `λ` [N]: what the tissue does to the tool.
+    /// The wrench on the tool from row forces `λ` \[N\]: what the tissue does to the tool.
     pub fn wrench(&self, lambda: &[f64]) -> ToolWrench {
         let mut wrench = ToolWrench::default();
         for (row, l) in self.tool.iter().zip(lambda) {
@@ -174,11 +174,11 @@ impl ContactRows {
 pub struct RowInput<'a> {
     /// Free node of each node of the body, or [`FIXED`].
     pub free_of_node: &'a [u32],
-    /// Free velocity of the free nodes (m/s), three numbers each.
+    /// Free velocity of the free nodes [m/s], three numbers each.
     pub v_free: &'a [f64],
-    /// Step `h` (s).
+    /// Step `h` \[s\].
     pub dt: f64,
-    /// Reference point of the tool at the end of the step: the translation of its pose (m).
+    /// Reference point of the tool at the end of the step: the translation of its pose \[m\].
     pub tool_reference: Vector3<f64>,
     /// Motion of the tool during the step.
     pub tool_motion: ToolMotion,

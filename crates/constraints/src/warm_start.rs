@@ -61,7 +61,7 @@ impl WarmStart {
         self.entries.is_empty()
     }
 
-    /// Remembers the row forces `λ` (N) of `blocks`, a range of `rows.blocks` that was built from `contacts`.
+    /// Remembers the row forces `λ` \[N\] of `blocks`, a range of `rows.blocks` that was built from `contacts`.
     ///
     /// Returns the number of forces beyond the capacity, which are forgotten. Forces that are not finite are too.
     pub fn store(&mut self, contacts: &[Contact], rows: &ContactRows, blocks: Range<usize>, lambda: &[f64]) -> usize {
@@ -85,11 +85,11 @@ impl WarmStart {
         forgotten
     }
 
-    /// Writes a first guess of the row forces (N) of `blocks` into `lambda` (one per row of `rows`).
+    /// Writes a first guess of the row forces \[N\] of `blocks` into `lambda` (one per row of `rows`).
     ///
     /// `blocks` is the range of `rows.blocks` that was built from `contacts`; a feature occurs in them at most once.
     ///
-    /// `radius` (m) bounds the distance of a match by place. A force whose normal part would pull becomes zero.
+    /// `radius` \[m\] bounds the distance of a match by place. A force whose normal part would pull becomes zero.
     pub fn fetch(
         &mut self,
         contacts: &[Contact],

@@ -48,10 +48,10 @@ fn a_contact_step_allocates_nothing() {
             dt: 0.03,
             tool_reference: place.translation.vector,
             tool_motion: ToolMotion::between(&at(f - 0.1), &place),
-            friction: k % 3 != 0,
+            friction: !k.is_multiple_of(3),
         };
         build_rows(&set.contacts, &input, &mut rows);
-        let method = if k % 2 == 0 { ComplianceMethod::Asynchronous } else { ComplianceMethod::Exact };
+        let method = if k.is_multiple_of(2) { ComplianceMethod::Asynchronous } else { ComplianceMethod::Exact };
         let system = WarpedInverse::new(method, &inverse, &rotations);
         assemble(system, &rows.tissue, 0.03, &mut w, &mut compliance);
         let lambda = &mut lambda[..rows.len()];

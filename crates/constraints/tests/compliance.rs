@@ -61,7 +61,7 @@ fn compliance_is_the_derivative_of_the_gap_by_the_force() {
     for j in 0..rows.len() {
         let mut lambda = vec![0.0; rows.len()];
         lambda[j] = 1.0;
-        correct(system, &lambda, DT, &mut dv, &mut ws);
+        assert!(correct(system, &lambda, DT, &mut dv, &mut ws));
         for i in 0..rows.len() {
             // Linear in λ: the difference is exact but for rounding.
             let gap = DT * rows.tissue.dot(i, &dv);
@@ -134,6 +134,12 @@ fn unusable_matrices_are_told() {
     assert!(
         !assemble(WarpedInverse::new(ComplianceMethod::Exact, &zero, &[]), &rows.tissue, DT, &mut w, &mut ws).usable
     );
+    // Forces of other rows correct nothing.
+    let good = DenseInverse(spd(3 * n).try_inverse().unwrap());
+    let system = WarpedInverse::new(ComplianceMethod::Exact, &good, &[]);
+    assert!(assemble(system, &rows.tissue, DT, &mut w, &mut ws).usable);
+    let mut dv = vec![7.0; 3 * n];
+    assert!(!correct(system, &[1.0], DT, &mut dv, &mut ws) && dv.iter().all(|x| *x == 0.0));
     let none = NodalRows::with_capacity(0, 0);
     let report = assemble(WarpedInverse::new(ComplianceMethod::Exact, &zero, &[]), &none, DT, &mut w, &mut ws);
     assert!(report.usable && report.rows == 0);

@@ -56,7 +56,7 @@ fn difference(
     positions: &[Vector3<f64>],
     tool: &ToolShape,
     kind: ContactKind,
-    change: &dyn Fn(&mut Vec<Vector3<f64>>, f64) -> Isometry3<f64>,
+    change: impl Fn(&mut Vec<Vector3<f64>>, f64) -> Isometry3<f64>,
 ) -> Option<f64> {
     let step = 1e-6;
     let mut gap = |s: f64| {
@@ -97,7 +97,7 @@ fn normal_rows_are_the_derivative_of_detected_gaps() {
                             place
                         };
                         // A feature that vanishes under the step (a corner that leaves its triangle) has no difference.
-                        let Some(d) = difference(contact, surface.clone(), &positions, &tool, kind, &change) else {
+                        let Some(d) = difference(contact, surface.clone(), &positions, &tool, kind, change) else {
                             continue;
                         };
                         assert!(
@@ -113,11 +113,11 @@ fn normal_rows_are_the_derivative_of_detected_gaps() {
                         let step = UnitQuaternion::from_scaled_axis(Vector3::ith(axis, s));
                         Isometry3::from_parts(place.translation, step * place.rotation)
                     };
-                    if let Some(d) = difference(contact, surface.clone(), &positions, &tool, kind, &along) {
+                    if let Some(d) = difference(contact, surface.clone(), &positions, &tool, kind, along) {
                         assert!((d - rows.tool[r].force[axis]).abs() < 1e-5, "{kind:?} {number}: {d} {contact:?}");
                         compared += 1;
                     }
-                    if let Some(d) = difference(contact, surface.clone(), &positions, &tool, kind, &turn) {
+                    if let Some(d) = difference(contact, surface.clone(), &positions, &tool, kind, turn) {
                         assert!((d - rows.tool[r].torque[axis]).abs() < 1e-5, "{kind:?} {number}: {d} {contact:?}");
                         compared += 1;
                     }

@@ -92,7 +92,7 @@ pub(crate) struct StepStage<'w> {
 }
 
 impl StepStage<'_> {
-    /// One step at `time` [s]: latest pose and factor in, snapshot and (where wanted) matrix out.
+    /// One step at `time` (s): latest pose and factor in, snapshot and (where wanted) matrix out.
     pub(crate) fn advance(&mut self, time: f64) -> StepReport {
         let input = StepInput { time, tool: *self.poses.latest(), factor: self.port.factor() };
         let report = step(self.world, &input, &mut self.state, &mut self.ws, self.snapshots.value_mut());

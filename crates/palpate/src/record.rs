@@ -42,7 +42,7 @@ pub struct TraceOutcome {
 /// The trace itself: written by its own thread in real time, in between in lockstep, where nothing may be dropped.
 pub(crate) enum TraceLines {
     Thread(TraceThread),
-    Inline(InlineTrace),
+    Inline(Box<InlineTrace>),
 }
 
 /// The lines of the three stages and the trace that they lead to.
@@ -57,7 +57,7 @@ impl TraceLines {
         let config = config(world, options);
         let (ticks, steps, factors, lines) = if options.lockstep {
             let (inline, ticks, steps, factors) = InlineTrace::create(path, &config)?;
-            (ticks, steps, factors, Self::Inline(inline))
+            (ticks, steps, factors, Self::Inline(Box::new(inline)))
         } else {
             let (thread, ticks, steps, factors) = TraceThread::spawn(path, &config)?;
             (ticks, steps, factors, Self::Thread(thread))

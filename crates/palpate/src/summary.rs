@@ -89,7 +89,7 @@ pub struct RunSummary {
     pub factors: u64,
     /// Ticks done.
     pub ticks: u64,
-    /// Rates reached [Hz]: step, factor, tick; zero in lockstep.
+    /// Rates reached (Hz): step, factor, tick; zero in lockstep.
     pub step_rate: f64,
     /// Rate of the factor thread (Hz).
     pub factor_rate: f64,

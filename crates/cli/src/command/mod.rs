@@ -7,7 +7,7 @@ pub(crate) mod run;
 pub(crate) mod scenes;
 
 use miette::{Diagnostic, LabeledSpan, NamedSource, Report};
-use palpate::scene::SceneError;
+use palpate::scene::{InvalidScene, SceneError};
 
 /// A scene error with the place in the file, for miette to show.
 #[derive(Debug, thiserror::Error)]
@@ -36,7 +36,8 @@ impl Diagnostic for ScenePlace {
 /// Turns a scene error into a report that shows the place and the remedy.
 pub(crate) fn report(error: SceneError) -> Report {
     match error {
-        SceneError::Invalid { origin, text, span, message, remedy, .. } => {
+        SceneError::Invalid(invalid) => {
+            let InvalidScene { origin, text, span, message, remedy, .. } = *invalid;
             Report::new(ScenePlace { message, remedy, source_code: NamedSource::new(origin, text), span })
         }
         other => Report::msg(other.to_string()),

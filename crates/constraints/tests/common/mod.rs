@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Isometry3, Translation3, UnitQuaternion, Vector3};
 use palpate_collision::{
     ContactKind, ContactSet, DetectionConfig, DetectionWorkspace, SurfaceGeometry, ToolShape, detect,
 };
-use palpate_constraints::compliance::{InverseRows, resize_square};
+use palpate_constraints::compliance::InverseRows;
 use palpate_fem::nodal_rows::NodalRows;
 use palpate_fem::sparse::FIXED;
 
@@ -32,7 +32,7 @@ pub fn free_nodes(nodes: usize, every: usize) -> (Vec<u32>, usize) {
     let mut next = 0;
     let map = (0..nodes)
         .map(|k| {
-            if every > 0 && k % every == 0 {
+            if every > 0 && k.is_multiple_of(every) {
                 return FIXED;
             }
             next += 1;
@@ -82,8 +82,7 @@ impl DenseWorkspace {
 impl InverseRows for DenseInverse {
     type Workspace = DenseWorkspace;
 
-    fn compliance_into(&self, rows: &NodalRows, scale: f64, w: &mut DMatrix<f64>, ws: &mut DenseWorkspace) {
-        resize_square(w, rows.len());
+    fn compliance_into(&self, rows: &NodalRows, scale: f64, w: &mut DMatrix<f64>, ws: &mut DenseWorkspace) -> bool {
         ws.rows.iter_mut().for_each(Vec::clear);
         for r in 0..rows.len() {
             if ws.rows.len() == r {
@@ -103,9 +102,10 @@ impl InverseRows for DenseInverse {
                 w[(i, j)] = scale * sum;
             }
         }
+        true
     }
 
-    fn correct(&self, lambda: &[f64], x: &mut [f64], ws: &mut DenseWorkspace) {
+    fn correct(&self, lambda: &[f64], x: &mut [f64], ws: &mut DenseWorkspace) -> bool {
         x.fill(0.0);
         for (row, l) in ws.rows.iter().zip(lambda) {
             for (k, v) in row {
@@ -115,10 +115,11 @@ impl InverseRows for DenseInverse {
                 }
             }
         }
+        lambda.len() == ws.rows.iter().filter(|r| !r.is_empty()).count()
     }
 }
 
-/// A symmetric positive definite matrix of size `n` (kg), always the same.
+/// A symmetric positive definite matrix of size `n` [kg], always the same.
 pub fn spd(n: usize) -> DMatrix<f64> {
     let b = DMatrix::from_fn(n, n, |i, j| ((i * 7 + j * 13) % 11) as f64 / 11.0 - 0.4);
     &b * b.transpose() * 0.01 + DMatrix::identity(n, n) * 0.05

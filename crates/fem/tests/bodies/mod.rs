@@ -128,7 +128,7 @@ pub(crate) fn euler_characteristic(triangles: &[[u32; 3]]) -> i64 {
     nodes.len() as i64 - triangles.len() as i64 / 2
 }
 
-/// Volume that a boundary encloses by the divergence theorem [m³]: positive if it is oriented outward.
+/// Volume that a boundary encloses by the divergence theorem (m³): positive if it is oriented outward.
 pub(crate) fn enclosed_volume(mesh: &TetMesh, triangles: &[[u32; 3]]) -> f64 {
     triangles
         .iter()

@@ -23,23 +23,8 @@ pub enum SceneError {
         remedy: String,
     },
     /// The text is not a scene, or a value is outside its range.
-    #[error("{origin}:{line}:{column}: {message}{}", remedy.as_deref().map(|r| format!("; {r}")).unwrap_or_default())]
-    Invalid {
-        /// File name or name of the bundled scene.
-        origin: String,
-        /// The whole text, for reports that show the place.
-        text: String,
-        /// Bytes of `text` that the message is about.
-        span: Range<usize>,
-        /// Line, counted from 1.
-        line: usize,
-        /// Column, counted from 1.
-        column: usize,
-        /// What is wrong, with the value.
-        message: String,
-        /// What to do.
-        remedy: Option<String>,
-    },
+    #[error(transparent)]
+    Invalid(Box<InvalidScene>),
     /// The mesh cannot be used.
     #[error(transparent)]
     Mesh(#[from] palpate_fem::mesh::MeshError),
@@ -52,6 +37,26 @@ pub enum SceneError {
     /// Tetrahedra cannot be made from the image or surface.
     #[error(transparent)]
     Stuffing(#[from] palpate_fem::stuffing::StuffingError),
+}
+
+/// A mistake in the text of a scene.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{origin}:{line}:{column}: {message}{}", remedy.as_deref().map(|r| format!("; {r}")).unwrap_or_default())]
+pub struct InvalidScene {
+    /// File name or name of the bundled scene.
+    pub origin: String,
+    /// The whole text, for reports that show the place.
+    pub text: String,
+    /// Bytes of `text` that the message is about.
+    pub span: Range<usize>,
+    /// Line, counted from 1.
+    pub line: usize,
+    /// Column, counted from 1.
+    pub column: usize,
+    /// What is wrong, with the value.
+    pub message: String,
+    /// What to do.
+    pub remedy: Option<String>,
 }
 
 impl SceneError {
@@ -67,7 +72,8 @@ impl SceneError {
         let before = text.get(..start).unwrap_or("");
         let line = before.matches('\n').count() + 1;
         let column = before.rsplit('\n').next().map_or(0, |l| l.chars().count()) + 1;
-        Self::Invalid { origin: origin.into(), text: text.into(), span, line, column, message: message.into(), remedy }
+        let (origin, text, message) = (origin.into(), text.into(), message.into());
+        Self::Invalid(Box::new(InvalidScene { origin, text, span, line, column, message, remedy }))
     }
 }
 

@@ -13,7 +13,7 @@ pub use description::{
     Axis, BodyDescription, ContactDescription, DeviceDescription, HandDescription, NodeSelection, Plane,
     RatesDescription, SceneDescription, SolverDescription, ToolDescription,
 };
-pub use error::SceneError;
+pub use error::{InvalidScene, SceneError};
 
 use crate::world::World;
 use parse::Source;

@@ -53,7 +53,7 @@ impl StepState {
         }
     }
 
-    /// Positions of all nodes before the last step [m]: the configuration that its system matrix belongs to.
+    /// Positions of all nodes before the last step (m): the configuration that its system matrix belongs to.
     pub fn before(&self) -> &[Vector3<f64>] {
         &self.before.q
     }
