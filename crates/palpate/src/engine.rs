@@ -4,6 +4,7 @@ use nalgebra::Isometry3;
 use palpate_fem::model::FemState;
 use palpate_haptics::exchange::{Reader, Writer, latest};
 use palpate_haptics::snapshot::HapticSnapshot;
+use palpate_trace::LogLevel;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::gathering::Gathering;
@@ -59,8 +60,14 @@ impl<'w> Engine<'w> {
 
     /// Ends the trace and sums the run up. `wall` is the time it took in real time (s).
     pub(crate) fn finish(self, mut gathering: Gathering, wall: Option<f64>) -> RunOutcome {
-        let trace = self.trace.map(TraceLines::finish);
         gathering.notes.splice(0..0, self.notes);
+        let trace = self.trace.map(|mut trace| {
+            for note in &gathering.notes {
+                trace.log(gathering.time(), LogLevel::Warning, note);
+            }
+            trace.log(gathering.time(), LogLevel::Info, &format!("the run ended: {}", gathering.end));
+            trace.finish()
+        });
         RunOutcome { summary: gathering.summary(self.world, wall, trace), state: self.stage.state.fem }
     }
 }

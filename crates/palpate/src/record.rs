@@ -13,6 +13,7 @@ use palpate_trace as trace;
 use palpate_trace::{
     Attachment, BodyGeometry, FactorTrace, InlineTrace, StepTrace, TickTrace, TraceConfig, TraceThread,
 };
+use palpate_trace::{LogLevel, LogRecord};
 use serde::Serialize;
 
 use crate::refresh::RefreshReport;
@@ -63,6 +64,16 @@ impl TraceLines {
             (ticks, steps, factors, Self::Thread(thread))
         };
         Ok((StepLine(Some((steps, world.dt()))), TickLine(Some(ticks)), FactorLine(Some(factors)), Some(lines)))
+    }
+
+    /// Writes a line for people into the log of the trace.
+    pub(crate) fn log(&mut self, time: f64, level: LogLevel, message: &str) {
+        let record = LogRecord::new(nanoseconds(time), level, "run", message);
+        // A line that finds the ring full is counted there.
+        let _ = match self {
+            Self::Thread(thread) => thread.log(record),
+            Self::Inline(inline) => inline.log(record),
+        };
     }
 
     /// In lockstep, writes what waits in the rings.

@@ -1,5 +1,6 @@
 //! What a run was like: rates, tails of times, iterations, residuals.
 
+use std::fmt;
 use std::path::PathBuf;
 
 use hdrhistogram::Histogram;
@@ -64,6 +65,16 @@ pub enum RunEnd {
     Interrupted,
     /// The body became non-finite; it was rolled back and the force set to zero.
     BodyFailed,
+}
+
+impl fmt::Display for RunEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Completed => "completed",
+            Self::Interrupted => "interrupted",
+            Self::BodyFailed => "STOPPED: the body became non-finite and was rolled back",
+        })
+    }
 }
 
 /// The summary of a run. Times in seconds, forces in newtons.
