@@ -8,7 +8,7 @@ pub(crate) fn summary(s: &RunSummary) -> String {
     let end = match s.end {
         RunEnd::Completed => "completed",
         RunEnd::Interrupted => "interrupted",
-        RunEnd::BodyFailed => "STOPPED: the body became non-finite and was rolled back",
+        RunEnd::BodyFailed => "STOPPED: the body became non-finite or was torn apart, and was rolled back",
     };
     let mut lines = vec![format!(
         "{} ({}, {} nodes, {} tetrahedra): {:.2} s, {end}",

@@ -62,7 +62,7 @@ pub enum RunEnd {
     Completed,
     /// The caller asked it to stop.
     Interrupted,
-    /// The body became non-finite; it was rolled back and the force set to zero.
+    /// The body became non-finite or was torn apart; it was rolled back and the force set to zero.
     BodyFailed,
 }
 
