@@ -10,6 +10,7 @@ use palpate::constraints::compliance::ComplianceMethod;
 use palpate::run::{Length, RunOptions};
 use palpate::scene::SceneDescription;
 use palpate::simulation::Simulation;
+use palpate::step::StepStatus;
 use palpate::world::World;
 
 use block::{STEPS, distance, pose, record};
@@ -103,7 +104,6 @@ fn a_factor_of_any_age_changes_a_run_in_proportion_to_the_tolerance() {
             let (positions, forces) = differences(&fresh, &path(&world, every));
             println!("{tolerance:6.0e}  {every:>9}  {positions:14.2e}  {forces:10.2e}");
             assert!(positions > 0.0, "a stale factor must be another preconditioner");
-            // Measured: POSITIONS, FORCES at every tolerance.
             assert!(positions <= POSITION_BOUND * tolerance, "{positions:e} m at tolerance {tolerance:e}");
             assert!(forces <= FORCE_BOUND * tolerance, "{forces:e} N at tolerance {tolerance:e}");
             of_tolerance = (of_tolerance.0.max(positions), of_tolerance.1.max(forces));
@@ -117,9 +117,10 @@ fn a_factor_of_any_age_changes_a_run_in_proportion_to_the_tolerance() {
     }
 }
 
-/// Metres and newtons per unit of relative tolerance.
-const POSITION_BOUND: f64 = 1.0;
-const FORCE_BOUND: f64 = 100.0;
+/// Metres and newtons per unit of relative tolerance: ten times the largest that was measured over tolerances of 1e-4,
+/// 1e-6 and 1e-8, 3.6e-3 m and 0.44 N. The block is 0.04 m high and is pressed with 3.4 N.
+const POSITION_BOUND: f64 = 0.036;
+const FORCE_BOUND: f64 = 4.4;
 
 #[test]
 fn a_delayed_factor_thread_changes_the_hand_s_force_in_proportion_to_the_tolerance() {
@@ -148,8 +149,9 @@ fn a_delayed_factor_thread_changes_the_hand_s_force_in_proportion_to_the_toleran
 }
 
 /// With the factor's own compliance, age costs accuracy: how much is told, not held. What is held is that every force
-/// satisfies the contact law of the compliance that was used, however old, and that the error is not the size of the
-/// force itself.
+/// satisfies the contact law of the compliance that was used, however old, that the error stays below the force itself
+/// while the factor is younger than a second, and that a body which the oldest factor drives apart is given up: the
+/// correction by the compliance of the block at rest folds elements of one pressed by a quarter of its height.
 #[test]
 fn asynchronous_compliance_of_any_age_satisfies_the_contact_law() {
     let exactly = path(&block::world(exact(1e-10)), 1);
@@ -161,11 +163,16 @@ fn asynchronous_compliance_of_any_age_satisfies_the_contact_law() {
     });
     println!("refreshed every | oldest [s] | worst residual | error of force: mean, largest, of {largest:.2} N");
     let mut means = Vec::new();
-    for every in [1, 3, 7, 20, 0] {
+    'ages: for every in [1, 3, 7, 20, 0] {
         let mut simulation = Simulation::new(&world).unwrap().refresh_every(every);
         let (mut oldest, mut worst, mut sum, mut most) = (0.0_f64, 0.0_f64, 0.0, 0.0_f64);
         for k in 0..STEPS {
             let report = simulation.step(&pose(k));
+            if report.status == StepStatus::RolledBack {
+                println!("{every:>15} | {:10.2} | given up at step {k}", report.factor_age);
+                assert!(report.factor_age > 1.0 && report.force == Vector3::zeros(), "{report:?}");
+                continue 'ages;
+            }
             assert!(report.solve.is_solved() && report.solve.residual <= 1e-8, "step {k}: {:?}", report.solve);
             assert!(report.force.iter().chain(simulation.forces()).all(|f| f.is_finite()));
             assert!(simulation.positions().iter().all(|q| q.iter().all(|x| x.is_finite())));
@@ -179,5 +186,5 @@ fn asynchronous_compliance_of_any_age_satisfies_the_contact_law() {
         assert!(most < largest, "an error of {most} N in {largest} N");
         means.push(mean);
     }
-    assert!(means[0] < *means.last().unwrap(), "a fresh factor is more accurate than the first one: {means:?}");
+    assert!(means.len() >= 4 && means[0] < means[3], "a younger factor is more accurate: {means:?}");
 }
