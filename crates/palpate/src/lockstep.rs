@@ -6,6 +6,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use palpate_haptics::wrench::Wrench;
 use rayon::ThreadPool;
 
 use crate::engine::Engine;
@@ -13,10 +14,13 @@ use crate::gathering::Gathering;
 use crate::run::{Length, Observer, Progress, RunError, RunOptions, RunOutcome};
 use crate::step::StepStatus;
 use crate::summary::RunEnd;
-use crate::tick::TickReport;
+use crate::tick::{TickRecord, TickReport};
 
 /// Ticks between two calls of [`Observer::progress`].
 const PROGRESS_EVERY: u64 = 250;
+
+/// Ticks after which a force that still falls is cut off: the device is let go then.
+const RELEASE_TICKS: u64 = 1000;
 
 pub(crate) fn run(
     mut engine: Engine<'_>,
@@ -25,10 +29,11 @@ pub(crate) fn run(
     stop: &AtomicBool,
     observer: &mut dyn Observer,
 ) -> Result<RunOutcome, RunError> {
-    let mut gathering = Gathering::new();
+    let mut gathering = Gathering::new(engine.world);
     // Inside the pool the parallel loops of the step find their workers without a queue that allocates.
     let end = pool.install(|| beat(&mut engine, options, stop, observer, &mut gathering));
     gathering.end = end;
+    engine.ticker.rest();
     Ok(engine.finish(gathering, None))
 }
 
@@ -62,8 +67,7 @@ fn beat(
             engine.stage.trace(&report, false);
             engine.drain();
             if report.status == StepStatus::RolledBack {
-                // One more tick carries the invalid snapshot to the device: zero force.
-                tick(engine, time, observer, gathering);
+                release(engine, index, observer, gathering);
                 return RunEnd::BodyFailed;
             }
         }
@@ -75,12 +79,31 @@ fn beat(
     RunEnd::Completed
 }
 
+/// Ticks from `index` on until the invalid snapshot of a failed body has taken the force off, as fast as the limits let
+/// it fall.
+fn release(engine: &mut Engine<'_>, index: u64, observer: &mut dyn Observer, gathering: &mut Gathering) {
+    let rate = engine.world.description().rates.tick;
+    for later in index..index + RELEASE_TICKS {
+        let record = tick(engine, later as f64 / rate, observer, gathering);
+        if record.wrench == Wrench::zero() {
+            break;
+        }
+    }
+    engine.drain();
+}
+
 /// One tick in virtual time.
-fn tick(engine: &mut Engine<'_>, time: f64, observer: &mut dyn Observer, gathering: &mut Gathering) {
+fn tick(
+    engine: &mut Engine<'_>,
+    time: f64,
+    observer: &mut dyn Observer,
+    gathering: &mut Gathering,
+) -> TickRecord {
     let record = engine.ticker.tick(time, engine.ticker.period());
     let report = TickReport { record, latency: 0.0, work: 0.0, overruns: 0 };
     engine.ticker.trace(&report);
     gathering.tick(&report, observer);
+    record
 }
 
 /// Where virtual time stands.

@@ -43,7 +43,7 @@ pub(crate) fn run(
     let (tick_sender, tick_receiver) = every::<TickReport>((rates.tick as usize).max(1024));
     let (refresh_sender, refresh_receiver) = every::<RefreshReport>(64);
     let mut watch = Watch {
-        gathering: Gathering::new(),
+        gathering: Gathering::new(world),
         steps: step_receiver,
         ticks: tick_receiver,
         refreshes: refresh_receiver,

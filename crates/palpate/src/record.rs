@@ -203,6 +203,11 @@ impl StepLine {
 }
 
 impl TickLine {
+    /// A line that leads nowhere.
+    pub(crate) fn none() -> Self {
+        Self(None)
+    }
+
     /// Hands a report over.
     pub(crate) fn push(&mut self, report: &TickReport) {
         let Some(line) = &mut self.0 else { return };

@@ -63,7 +63,7 @@ pub enum RunEnd {
     Completed,
     /// The caller asked it to stop.
     Interrupted,
-    /// The body became non-finite; it was rolled back and the force set to zero.
+    /// The body became non-finite or was torn apart; it was rolled back and the force set to zero.
     BodyFailed,
 }
 
@@ -72,7 +72,7 @@ impl fmt::Display for RunEnd {
         f.write_str(match self {
             Self::Completed => "completed",
             Self::Interrupted => "interrupted",
-            Self::BodyFailed => "STOPPED: the body became non-finite and was rolled back",
+            Self::BodyFailed => "STOPPED: the body became non-finite or was torn apart, and was rolled back",
         })
     }
 }

@@ -29,7 +29,7 @@ pub struct TickReport {
 }
 
 /// The tick with everything that it reads and writes.
-pub(crate) struct Ticker {
+pub struct Ticker {
     tick: Tick,
     state: TickState,
     ws: TickWorkspace,
@@ -41,7 +41,20 @@ pub(crate) struct Ticker {
 }
 
 impl Ticker {
-    /// Opens the device of the scene.
+    /// Opens the device of the scene, for programs that bring their own loop: `snapshots` come from the step, `poses`
+    /// go to it. Nothing is traced.
+    ///
+    /// # Errors
+    /// A device that cannot be opened.
+    pub fn open(
+        world: &World,
+        snapshots: Reader<HapticSnapshot>,
+        poses: Writer<Isometry3<f64>>,
+    ) -> Result<Self, RunError> {
+        let device = devices::device(world.description()).map_err(|e| RunError::Device(e.to_string()))?;
+        Self::new(world, device, snapshots, poses, TickLine::none())
+    }
+
     pub(crate) fn new(
         world: &World,
         device: Box<dyn HapticDevice>,
@@ -65,12 +78,12 @@ impl Ticker {
     }
 
     /// Nominal time between ticks (s).
-    pub(crate) fn period(&self) -> f64 {
+    pub fn period(&self) -> f64 {
         self.tick.period()
     }
 
     /// One tick at `time` (s), `dt` seconds after the last: allocates nothing, takes no lock, has no panic path.
-    pub(crate) fn tick(&mut self, time: f64, dt: f64) -> TickRecord {
+    pub fn tick(&mut self, time: f64, dt: f64) -> TickRecord {
         let moment = TickTime { index: self.index, time, dt };
         self.index += 1;
         let device = self.device.as_mut();
@@ -85,7 +98,7 @@ impl Ticker {
     }
 
     /// Takes the force off and lets the device go.
-    pub(crate) fn rest(&mut self) {
+    pub fn rest(&mut self) {
         // A device that is gone already needs no zero force.
         let _ = self.device.write(Wrench::zero());
         self.device.close();
