@@ -192,6 +192,12 @@ impl StepLine {
 }
 
 impl TickLine {
+    /// A line that leads nowhere.
+    #[cfg(test)]
+    pub(crate) fn none() -> Self {
+        Self(None)
+    }
+
     /// Hands a report over.
     pub(crate) fn push(&mut self, report: &TickReport) {
         let Some(line) = &mut self.0 else { return };
