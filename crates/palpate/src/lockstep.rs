@@ -6,6 +6,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use palpate_haptics::wrench::Wrench;
 use rayon::ThreadPool;
 
 use crate::engine::Engine;
@@ -18,6 +19,9 @@ use crate::tick::TickReport;
 /// Ticks between two calls of [`Observer::progress`].
 const PROGRESS_EVERY: u64 = 250;
 
+/// Ticks after which a force that still comes down is cut: a second at 1 kHz.
+const MOST_RELEASE_TICKS: u64 = 1000;
+
 pub(crate) fn run(
     mut engine: Engine<'_>,
     pool: &ThreadPool,
@@ -29,6 +33,7 @@ pub(crate) fn run(
     // Inside the pool the parallel loops of the step find their workers without a queue that allocates.
     let end = pool.install(|| beat(&mut engine, options, stop, observer, &mut gathering));
     gathering.end = end;
+    engine.ticker.rest();
     Ok(engine.finish(gathering, None))
 }
 
@@ -62,25 +67,39 @@ fn beat(
             engine.stage.trace(&report, false);
             engine.drain();
             if report.status == StepStatus::RolledBack {
-                // One more tick carries the invalid snapshot to the device: zero force.
-                tick(engine, time, observer, gathering);
+                release(engine, index, observer, gathering);
                 return RunEnd::BodyFailed;
             }
         }
         tick(engine, time, observer, gathering);
         if index % PROGRESS_EVERY == 0 {
+            // Slow steps must not let the ring of ticks fill up.
+            engine.drain();
             observer.progress(&Progress { rates: None, ..gathering.progress() });
         }
     }
     RunEnd::Completed
 }
 
-/// One tick in virtual time.
-fn tick(engine: &mut Engine<'_>, time: f64, observer: &mut dyn Observer, gathering: &mut Gathering) {
+/// Ticks on the invalid snapshot of a failed step, from tick `index` on, until the force has come down to zero at the
+/// rate that the limits allow.
+fn release(engine: &mut Engine<'_>, index: u64, observer: &mut dyn Observer, gathering: &mut Gathering) {
+    let rate = engine.world.description().rates.tick;
+    for k in 0..MOST_RELEASE_TICKS {
+        let sent = tick(engine, (index + k) as f64 / rate, observer, gathering);
+        if sent == Wrench::zero() {
+            return;
+        }
+    }
+}
+
+/// One tick in virtual time; the wrench that it sent.
+fn tick(engine: &mut Engine<'_>, time: f64, observer: &mut dyn Observer, gathering: &mut Gathering) -> Wrench {
     let record = engine.ticker.tick(time, engine.ticker.period());
     let report = TickReport { record, latency: 0.0, work: 0.0, overruns: 0 };
     engine.ticker.trace(&report);
     gathering.tick(&report, observer);
+    record.wrench
 }
 
 /// Where virtual time stands.
