@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use nalgebra::Isometry3;
 use palpate_collision::shape::ToolShape;
-use palpate_fem::factor::FactorStatus;
+use palpate_fem::factor::{FactorStatus, ReachStatus};
 use palpate_fem::model::FemState;
 use palpate_fem::pcg::PcgStatus;
 use palpate_haptics::record::TickFlags;
@@ -153,6 +153,8 @@ impl StepLine {
         flags.set(trace::StepFlags::CONTACTS_DROPPED, report.detection.dropped > 0);
         flags.set(trace::StepFlags::FREE_MOTION_UNCONVERGED, report.free_motion.status != PcgStatus::Converged);
         flags.set(trace::StepFlags::CONTACT_UNCONVERGED, !report.solve.is_solved());
+        flags.set(trace::StepFlags::FACTOR_REFUSED, report.refused);
+        flags.set(trace::StepFlags::NO_COMPLIANCE, report.compliance != ReachStatus::Ok);
         flags.set(trace::StepFlags::ROLLED_BACK, report.status == StepStatus::RolledBack);
         line.push(trace::StepRecord {
             step: report.step,
@@ -171,12 +173,11 @@ impl StepLine {
             cg_residual: report.free_motion.relative_residual,
             solver_sweeps: report.solve.iterations,
             solver_residual: report.solve.residual,
-            worst_row: i32::try_from(report.solve.worst_block).unwrap_or(-1),
+            worst_row: worst_row(report),
             factor_epoch: report.factor_epoch,
             factor_age: report.factor_age,
             tool_force: report.force.into(),
             tool_torque: report.torque.into(),
-            force_jump: 0.0,
             inverted_elements: report.assembly.inverted,
             filtered_elements: report.assembly.filtered,
             flags,
@@ -189,6 +190,12 @@ impl StepLine {
             }
         });
     }
+}
+
+/// First row of the contact with the largest residual: all contacts of a step have equally many. -1 without contacts.
+fn worst_row(report: &StepReport) -> i32 {
+    let rows = report.rows.rows.checked_div(report.rows.contacts);
+    rows.and_then(|n| i32::try_from(report.solve.worst_block as usize * n).ok()).unwrap_or(-1)
 }
 
 impl TickLine {
@@ -211,17 +218,25 @@ impl TickLine {
         flags.set(trace::TickFlags::DEVICE_MISSING, r.flags.contains(TickFlags::DEVICE_ERROR));
         flags.set(trace::TickFlags::OVERRUN, report.overruns > 0);
         flags.set(trace::TickFlags::CONTACTS_DROPPED, r.flags.contains(TickFlags::TRUNCATED));
+        let no_snapshot =
+            r.flags.contains(TickFlags::NO_SNAPSHOT) || r.flags.contains(TickFlags::INVALID_SNAPSHOT);
+        flags.set(trace::TickFlags::NO_SNAPSHOT, no_snapshot);
+        flags.set(trace::TickFlags::BAD_POSE, r.flags.contains(TickFlags::BAD_POSE));
+        flags.set(trace::TickFlags::NEW_SNAPSHOT, r.flags.contains(TickFlags::NEW_SNAPSHOT));
         flags.set(trace::TickFlags::UNCONVERGED, r.flags.contains(TickFlags::NOT_CONVERGED));
         line.push(trace::TickRecord {
             tick: r.index,
             time_ns: nanoseconds(r.time),
             device_position: r.device_pose.translation.vector.into(),
             device_orientation: r.device_pose.rotation.coords.into(),
+            device_velocity: r.device_velocity.linear.into(),
+            device_angular_velocity: r.device_velocity.angular.into(),
             tool_position: r.tool_pose.translation.vector.into(),
             tool_orientation: r.tool_pose.rotation.coords.into(),
             force: r.wrench.force.into(),
             torque: r.wrench.torque.into(),
             force_unlimited: r.contact_wrench.force.into(),
+            gap: if r.contacts > 0 { r.gap } else { f64::NAN },
             contacts: r.active,
             sweeps: r.sweeps,
             residual: r.residual,
@@ -230,7 +245,7 @@ impl TickLine {
             flags,
             wake_latency_ns: nanoseconds(report.latency),
             work_ns: nanoseconds(report.work),
-            ..trace::TickRecord::default()
+            force_jump: r.force_jump,
         });
     }
 }
