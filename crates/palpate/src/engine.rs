@@ -59,8 +59,8 @@ impl<'w> Engine<'w> {
 
     /// Ends the trace and sums the run up. `wall` is the time it took in real time (s).
     pub(crate) fn finish(self, mut gathering: Gathering, wall: Option<f64>) -> RunOutcome {
-        let trace = self.trace.map(TraceLines::finish);
         gathering.notes.splice(0..0, self.notes);
+        let trace = self.trace.map(|trace| trace.finish(&gathering));
         RunOutcome { summary: gathering.summary(self.world, wall, trace), state: self.stage.state.fem }
     }
 }

@@ -11,10 +11,11 @@ use palpate_fem::pcg::PcgStatus;
 use palpate_haptics::record::TickFlags;
 use palpate_trace as trace;
 use palpate_trace::{
-    Attachment, BodyGeometry, FactorTrace, InlineTrace, StepTrace, TickTrace, TraceConfig, TraceThread,
+    Attachment, BodyGeometry, FactorTrace, InlineTrace, LogLevel, LogRecord, StepTrace, TickTrace, TraceConfig, TraceThread,
 };
 use serde::Serialize;
 
+use crate::gathering::Gathering;
 use crate::refresh::RefreshReport;
 use crate::run::{RunError, RunOptions};
 use crate::step::{StepReport, StepStatus};
@@ -23,6 +24,10 @@ use crate::world::World;
 
 /// Attachment that holds the scene.
 pub(crate) const SCENE: &str = "scene.toml";
+
+/// Metadata record that says how the run ended, and its entry for the number of ticks.
+pub(crate) const END: &str = "end";
+pub(crate) const TICKS: &str = "ticks";
 
 /// What became of a trace.
 #[derive(Clone, Debug, Serialize)]
@@ -72,11 +77,29 @@ impl TraceLines {
         }
     }
 
-    /// Closes the file.
-    pub(crate) fn finish(self) -> TraceOutcome {
+    /// Writes the notes of the run and how it ended, and closes the file.
+    pub(crate) fn finish(self, gathering: &Gathering) -> TraceOutcome {
+        let [steps, factors, ticks] = gathering.counts();
+        let end = BTreeMap::from([
+            ("end".to_string(), gathering.end.name().to_string()),
+            ("steps".into(), steps.to_string()),
+            ("factors".into(), factors.to_string()),
+            (TICKS.into(), ticks.to_string()),
+        ]);
+        let time_ns = nanoseconds(gathering.progress().time);
+        let notes = gathering.notes.iter().map(|note| LogRecord::new(time_ns, LogLevel::Warning, "run", note));
+        // A line that finds no room is counted with the other drops.
         let summary = match self {
-            Self::Thread(thread) => thread.finish(),
-            Self::Inline(inline) => inline.finish(),
+            Self::Thread(mut thread) => {
+                notes.for_each(|note| _ = thread.log(note));
+                thread.set_end(end);
+                thread.finish()
+            }
+            Self::Inline(mut inline) => {
+                notes.for_each(|note| _ = inline.log(note));
+                inline.set_end(end);
+                inline.finish()
+            }
         };
         TraceOutcome {
             path: summary.path,

@@ -7,7 +7,7 @@ use palpate_constraints::compliance::rotate_rows;
 use palpate_constraints::law::{Coulomb, Law, Signorini};
 use palpate_constraints::rows::{RowInput, ToolMotion, build_rows};
 use palpate_fem::factor::{Factor, FactorStatus, ReachStatus};
-use palpate_fem::pcg::{PcgConfig, pcg};
+use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
 use palpate_fem::preconditioner::{WarpedPreconditioner, rotate};
 use palpate_fem::rotation::nodal_rotations;
 use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
@@ -198,7 +198,8 @@ pub(super) fn correct(
         state.fem.q[node] += h * v;
     }
     let finite = state.fem.q.iter().all(|q| q.iter().all(|x| x.is_finite()));
-    if !finite || report.assembly.non_finite.is_some() {
+    // Conjugate gradients that met an infinite number leave the velocity as it was, which would look like a motion.
+    if !finite || report.assembly.non_finite.is_some() || report.free_motion.status == PcgStatus::NonFinite {
         state.roll_back();
         report.status = StepStatus::RolledBack;
         (report.force, report.torque) = (Vector3::zeros(), Vector3::zeros());
