@@ -103,6 +103,12 @@ impl StepStage<'_> {
         report
     }
 
+    /// Makes the next step fail.
+    #[cfg(test)]
+    pub(crate) fn spoil(&mut self) {
+        self.state.fem.v.fill(nalgebra::Vector3::repeat(f64::NAN));
+    }
+
     /// Hands the report and the new shape to the trace; `keep_times` is false in lockstep, where wall times would make
     /// equal runs unequal.
     pub(crate) fn trace(&mut self, report: &StepReport, keep_times: bool) {

@@ -11,7 +11,8 @@ use palpate_fem::pcg::PcgStatus;
 use palpate_haptics::record::TickFlags;
 use palpate_trace as trace;
 use palpate_trace::{
-    Attachment, BodyGeometry, FactorTrace, InlineTrace, LogLevel, LogRecord, StepTrace, TickTrace, TraceConfig, TraceThread,
+    Attachment, BodyGeometry, FactorTrace, InlineTrace, LogLevel, LogRecord, StepTrace, TickTrace, TraceConfig,
+    TraceThread,
 };
 use serde::Serialize;
 
@@ -241,8 +242,7 @@ impl TickLine {
         flags.set(trace::TickFlags::DEVICE_MISSING, r.flags.contains(TickFlags::DEVICE_ERROR));
         flags.set(trace::TickFlags::OVERRUN, report.overruns > 0);
         flags.set(trace::TickFlags::CONTACTS_DROPPED, r.flags.contains(TickFlags::TRUNCATED));
-        let no_snapshot =
-            r.flags.contains(TickFlags::NO_SNAPSHOT) || r.flags.contains(TickFlags::INVALID_SNAPSHOT);
+        let no_snapshot = r.flags.contains(TickFlags::NO_SNAPSHOT) || r.flags.contains(TickFlags::INVALID_SNAPSHOT);
         flags.set(trace::TickFlags::NO_SNAPSHOT, no_snapshot);
         flags.set(trace::TickFlags::BAD_POSE, r.flags.contains(TickFlags::BAD_POSE));
         flags.set(trace::TickFlags::NEW_SNAPSHOT, r.flags.contains(TickFlags::NEW_SNAPSHOT));
