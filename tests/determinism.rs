@@ -5,11 +5,11 @@ mod block;
 use std::path::Path;
 
 use nalgebra::Vector3;
+use palpate::fem::model::FemState;
 use palpate::replay::{ReplayError, replay};
 use palpate::run::{Length, RunOptions, RunOutcome};
 use palpate::scene::SceneDescription;
 use palpate::trace::{Attachment, Trace, TraceConfig, TraceWriter};
-use palpate::fem::model::FemState;
 
 use block::Recorder;
 

@@ -4,7 +4,6 @@ use nalgebra::Isometry3;
 use palpate_fem::model::FemState;
 use palpate_haptics::exchange::{Reader, Writer, latest};
 use palpate_haptics::snapshot::HapticSnapshot;
-use palpate_trace::LogLevel;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::gathering::Gathering;
@@ -61,13 +60,7 @@ impl<'w> Engine<'w> {
     /// Ends the trace and sums the run up. `wall` is the time it took in real time (s).
     pub(crate) fn finish(self, mut gathering: Gathering, wall: Option<f64>) -> RunOutcome {
         gathering.notes.splice(0..0, self.notes);
-        let trace = self.trace.map(|mut trace| {
-            for note in &gathering.notes {
-                trace.log(gathering.time(), LogLevel::Warning, note);
-            }
-            trace.log(gathering.time(), LogLevel::Info, &format!("the run ended: {}", gathering.end));
-            trace.finish()
-        });
+        let trace = self.trace.map(|trace| trace.finish(&gathering));
         RunOutcome { summary: gathering.summary(self.world, wall, trace), state: self.stage.state.fem }
     }
 }
@@ -108,6 +101,12 @@ impl StepStage<'_> {
             self.port.offer(report.step, time, self.state.before(), &self.ws.fem.system);
         }
         report
+    }
+
+    /// Makes the next step fail.
+    #[cfg(test)]
+    pub(crate) fn spoil(&mut self) {
+        self.state.fem.v.fill(nalgebra::Vector3::repeat(f64::NAN));
     }
 
     /// Hands the report and the new shape to the trace; `keep_times` is false in lockstep, where wall times would make

@@ -119,11 +119,6 @@ impl Gathering {
         [self.step_work.count(), self.factor_work.count(), self.tick_work.count()]
     }
 
-    /// Simulated time so far (s).
-    pub(crate) fn time(&self) -> f64 {
-        self.time
-    }
-
     pub(crate) fn progress(&self) -> Progress {
         Progress { time: self.time, rates: None, contacts: self.active, force: self.force }
     }

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use palpate_trace::{Trace, TraceError};
 
-use crate::record::SCENE;
+use crate::record::{END, SCENE, TICKS};
 use crate::run::{Length, Observer, RunError, RunOptions, run};
 use crate::scene::{Scene, SceneError};
 use crate::tick::TickReport;
@@ -77,6 +77,9 @@ pub fn replay(path: &Path) -> Result<ReplayReport, ReplayError> {
     };
     let scene = Scene::from_trace(text, entry("embedded") == "true", Path::new(entry("folder")))?;
     let world = scene.build()?;
+    // A run that was interrupted is as long as it came.
+    let ended = trace.metadata.get(END).and_then(|end| end.get(TICKS)?.parse::<u64>().ok());
+    let seconds = ended.map_or(seconds, |ticks| ticks as f64 / scene.description().rates.tick);
     let options = RunOptions { length: Length::Seconds(seconds), lockstep: true, ..RunOptions::default() };
     let mut comparison = Comparison { recorded: &trace.ticks, next: 0, extra: 0, first: None, largest: 0.0 };
     run(&world, &options, &AtomicBool::new(false), &mut comparison)?;
