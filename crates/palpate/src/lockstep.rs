@@ -166,7 +166,7 @@ mod tests {
     fn a_failed_step_brings_the_force_down_to_zero_within_the_slew_limit() {
         let world = world();
         let mut engine = Engine::new(&world, &RunOptions::default()).unwrap();
-        let mut gathering = Gathering::new();
+        let mut gathering = Gathering::new(&world);
         let mut sent = Wrench::zero();
         for index in 0..500_u64 {
             let time = index as f64 * 1e-3;
