@@ -5,6 +5,7 @@
 //! polar rotation) and in the tangent (SOFA: `R K Rᵀ`; ours: exact). A second, small and dense program in this test
 //! computes the same problem with either frame and the classical tangent, and so tells the two apart.
 
+#![allow(clippy::print_stdout)] // what was measured is part of the report
 #![allow(non_snake_case)]
 
 mod quasi_static;
