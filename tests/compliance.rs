@@ -1,5 +1,7 @@
 //! `W` of the step against what a force really does: to the equations of motion, and to the gap itself.
 
+#![allow(clippy::print_stdout)] // tables of what was measured
+
 use nalgebra::{Isometry3, Vector3};
 use palpate::constraints::frame::ContactFrame;
 use palpate::fem::assembly::{FemWorkspace, assemble};

@@ -1,5 +1,7 @@
 //! A rigid sphere on a large block against Hertz (1882): `F = 4/3 E* sqrt(R) d^(3/2)`, `E* = E / (1 - nu²)`.
 
+#![allow(clippy::print_stdout)] // tables of what was measured
+
 mod quasi_static;
 
 use nalgebra::Vector3;

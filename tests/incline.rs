@@ -3,6 +3,8 @@
 //! The floor is level and gravity leans. The block is a free body: nothing holds it but contact with the floor, a tool
 //! at rest. Momentum is told from the positions and velocities of its nodes, not from reports.
 
+#![allow(clippy::print_stdout)] // tables of what was measured
+
 use nalgebra::{Isometry3, Vector3};
 use palpate::prelude::*;
 use palpate::solver::report::SolveStatus;

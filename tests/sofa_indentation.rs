@@ -5,7 +5,7 @@
 //! polar rotation) and in the tangent (SOFA: `R K Rᵀ`; ours: exact). A second, small and dense program in this test
 //! computes the same problem with either frame and the classical tangent, and so tells the two apart.
 
-#![allow(non_snake_case)]
+#![allow(non_snake_case, clippy::print_stdout)] // letters of the paper; tables of what was measured
 
 mod quasi_static;
 
