@@ -84,8 +84,8 @@ fn compare(law: &str, expected: &[f64; 5]) -> Option<f64> {
 }
 
 /// On the reference's mesh and with its kind of contact, what is left are solver differences: ours is higher by 0.6 %
-/// where one node touches and by 0.2 % at 8 mm, which is 5 to 10 µm of depth everywhere: a reference whose contact
-/// yields a little, as a penalty does; ours leaves no gap. The mesh itself makes +8 to +17 %.
+/// where one node touches and by 0.2 % at 8 mm, as if it were 5 to 10 µm deeper everywhere. A reference contact
+/// that yields by so much, as a penalty does, would explain it; the note does not say. Ours leaves no gap. The mesh itself makes +8 to +17 %.
 #[test]
 fn neo_hookean_block_answers_like_the_reference_on_its_mesh() {
     let Some(worst) = compare("neo_hookean", &[0.1286, 0.3953, 1.1920, 2.1538, 3.5440]) else { return };
