@@ -1,6 +1,6 @@
 //! `W` of the step against what a force really does: to the equations of motion, and to the gap itself.
 
-#![allow(clippy::print_stdout)] // what was measured is part of the report
+#![allow(clippy::print_stdout)] // tables of what was measured
 
 use nalgebra::{Isometry3, Vector3};
 use palpate::constraints::frame::ContactFrame;

@@ -3,7 +3,7 @@
 //! The floor is level and gravity leans. The block is a free body: nothing holds it but contact with the floor, a tool
 //! at rest. Momentum is told from the positions and velocities of its nodes, not from reports.
 
-#![allow(clippy::print_stdout)] // what was measured is part of the report
+#![allow(clippy::print_stdout)] // tables of what was measured
 
 use nalgebra::{Isometry3, Vector3};
 use palpate::prelude::*;
@@ -15,8 +15,8 @@ const G: f64 = 9.81;
 const DT: f64 = 0.005;
 
 /// Steps in which the block's elastic motion dies out, and steps that are measured.
-const SETTLE: usize = 60;
-const MEASURE: usize = 40;
+const SETTLE: usize = 40;
+const MEASURE: usize = 20;
 
 /// Gravity on a slope of `angle` (rad) that falls towards `heading` (rad).
 fn leaning(angle: f64, heading: f64) -> Vector3<f64> {
@@ -126,11 +126,11 @@ fn block_slides_with_the_acceleration_of_coulomb_above_the_angle_of_friction() {
 /// Below the angle nothing creeps: a hundred steps move no node by more than the solver's tolerance.
 #[test]
 fn block_sticks_below_the_angle_of_friction() {
-    for (angle, heading) in [(0.3f64, 0.0), (0.46, 0.0), (0.46, 0.4), (0.46, 2.0)] {
+    for (angle, heading) in [(0.3f64, 0.0), (0.46, 0.4), (0.46, 2.0)] {
         assert!(angle.tan() < FRICTION);
         let world = world(leaning(angle, heading));
         let mut sim = Simulation::new(&world).unwrap();
-        (0..400).for_each(|_| _ = step(&mut sim));
+        (0..150).for_each(|_| _ = step(&mut sim));
         let before = sim.positions().to_vec();
         let mut last = step(&mut sim);
         (1..100).for_each(|_| last = step(&mut sim));

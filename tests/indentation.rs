@@ -1,6 +1,6 @@
 //! A sphere pressed into a block: five depths against references on the same mesh, with contact at its nodes.
 
-#![allow(clippy::print_stdout)] // what was measured is part of the report
+#![allow(clippy::print_stdout)] // tables of what was measured
 
 mod quasi_static;
 
@@ -84,8 +84,8 @@ fn compare(law: &str, expected: &[f64; 5]) -> Option<f64> {
 }
 
 /// On the reference's mesh and with its kind of contact, what is left are solver differences: ours is higher by 0.6 %
-/// where one node touches and by 0.2 % at 8 mm, which is 5 to 10 µm of depth everywhere: a reference whose contact
-/// yields a little, as a penalty does; ours leaves no gap. The mesh itself makes +8 to +17 %.
+/// where one node touches and by 0.2 % at 8 mm, as if it were 5 to 10 µm deeper everywhere. A reference contact
+/// that yields by so much, as a penalty does, would explain it; the note does not say. Ours leaves no gap. The mesh itself makes +8 to +17 %.
 #[test]
 fn neo_hookean_block_answers_like_the_reference_on_its_mesh() {
     let Some(worst) = compare("neo_hookean", &[0.1286, 0.3953, 1.1920, 2.1538, 3.5440]) else { return };
@@ -102,8 +102,8 @@ fn corotational_block_answers_like_the_reference_on_its_mesh() {
 /// Stick raises the force: it holds the skin under the ball from spreading. From 1 mm on nearly all nodes stick at 0.5,
 /// so a tenfold friction changes little more, and less friction lies between.
 ///
-/// The reference's note says "less than 1.2 %", without the depth: here that holds up to 2 mm; at 8 mm, a strain of a
-/// third under the ball, full stick makes +4.7 %, whether the depth grows in 4, 10 or 30 parts.
+/// The reference's note says "less than 1.2 %", without the depth: here that holds up to 2 mm; at 8 mm
+/// full stick makes +4.7 %, whether the depth grows in 4, 10 or 30 parts.
 #[test]
 fn friction_raises_the_normal_force_up_to_full_stick() {
     let Some(smooth) = forces("neo_hookean", 0.0, 1) else { return };

@@ -1,6 +1,5 @@
 //! Equilibria through the whole engine: steps so long that inertia is nothing, repeated with the tool at rest.
 
-#![allow(clippy::print_stdout)] // what was measured is part of the report
 #![allow(dead_code)] // each test takes what it needs
 
 use std::path::PathBuf;
