@@ -100,7 +100,7 @@ fn raise_priority() -> bool {
 fn tick_loop(ticker: &mut Ticker, mut pacer: Pacer, mut reports: Sender<TickReport>, end: &AtomicBool) {
     let mut before = None;
     while !end.load(Ordering::Acquire) {
-        let beat = pacer.wait();
+        let beat = pacer.wait(end);
         let start = Instant::now();
         let dt = beat.time - before.replace(beat.time).unwrap_or(beat.time - ticker.period());
         let record = ticker.tick(beat.time, dt);
@@ -114,7 +114,7 @@ fn tick_loop(ticker: &mut Ticker, mut pacer: Pacer, mut reports: Sender<TickRepo
 
 fn step_loop(stage: &mut StepStage<'_>, mut pacer: Pacer, mut reports: Sender<StepReport>, end: &AtomicBool) {
     while !end.load(Ordering::Acquire) {
-        let beat = pacer.wait();
+        let beat = pacer.wait(end);
         let mut report = stage.advance(beat.time);
         report.latency = beat.latency;
         report.overruns = beat.missed;
@@ -134,7 +134,7 @@ fn refresh_loop(
     end: &AtomicBool,
 ) {
     while !end.load(Ordering::Acquire) {
-        pacer.wait();
+        pacer.wait(end);
         refresh.want();
         let report = loop {
             if end.load(Ordering::Acquire) {
