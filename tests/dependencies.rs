@@ -112,7 +112,8 @@ fn licences_are_read_as_they_are_meant() {
     for good in ["MIT", "MIT/Apache-2.0", "GPL-3.0 OR MIT", "(MIT OR GPL-2.0) AND Unicode-3.0", "Apache-2.0 / MIT"] {
         assert!(is_allowed(good), "{good}");
     }
-    for bad in ["GPL-3.0", "LGPL-2.1 AND MIT", "AGPL-3.0-only", "(GPL-2.0 OR LGPL-3.0) AND MIT", "", "MIT AND (GPL-2.0"] {
+    for bad in ["GPL-3.0", "LGPL-2.1 AND MIT", "AGPL-3.0-only", "(GPL-2.0 OR LGPL-3.0) AND MIT", "", "MIT AND (GPL-2.0"]
+    {
         assert!(!is_allowed(bad), "{bad}");
     }
 }

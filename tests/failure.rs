@@ -122,7 +122,8 @@ fn a_body_without_mass_and_support_is_refused_at_set_up() {
     });
     for lockstep in [true, false] {
         let options = RunOptions { lockstep, ..self::lockstep() };
-        let error = palpate::run::run(&world, &options, &AtomicBool::new(false), &mut palpate::run::Unobserved).unwrap_err();
+        let error =
+            palpate::run::run(&world, &options, &AtomicBool::new(false), &mut palpate::run::Unobserved).unwrap_err();
         assert!(matches!(error, RunError::Factorization { .. }), "{error:?}");
         let text = error.to_string();
         assert!(text.contains("NotPositiveDefinite") && text.contains("fixed nodes"), "{text}");

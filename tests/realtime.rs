@@ -30,7 +30,13 @@ fn three_threads_work_and_every_record_arrives() {
     let s = &outcome.summary;
     println!("{} steps, {} factors, {} ticks in {:.2} s", s.steps, s.factors, s.ticks, s.wall);
     assert_eq!((s.end, s.mode), (RunEnd::Completed, "real time"));
-    assert!(s.steps > 1 && s.factors > 1 && s.ticks > 10, "{} steps, {} factors, {} ticks", s.steps, s.factors, s.ticks);
+    assert!(
+        s.steps > 1 && s.factors > 1 && s.ticks > 10,
+        "{} steps, {} factors, {} ticks",
+        s.steps,
+        s.factors,
+        s.ticks
+    );
     assert!(s.wall >= 1.5, "{}", s.wall);
     assert!(s.largest_force > 0.0, "the ball must have touched");
 

@@ -141,7 +141,9 @@ fn a_delayed_factor_thread_changes_the_hand_s_force_in_proportion_to_the_toleran
             assert_eq!(reference.len(), late.len());
             let difference = reference.iter().zip(&late).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
             let age = summary.factor_age.max;
-            println!("tolerance {tolerance:.0e}, delay {delay} s: age up to {age:.2} s, forces within {difference:.1e} N");
+            println!(
+                "tolerance {tolerance:.0e}, delay {delay} s: age up to {age:.2} s, forces within {difference:.1e} N"
+            );
             assert!(age >= delay.min(1.1), "the factor must be late, not {age} s old");
             assert!(difference <= FORCE_BOUND * tolerance, "{difference:e} N at tolerance {tolerance:e}");
         }

@@ -93,12 +93,7 @@ fn release(engine: &mut Engine<'_>, index: u64, observer: &mut dyn Observer, gat
 }
 
 /// One tick in virtual time.
-fn tick(
-    engine: &mut Engine<'_>,
-    time: f64,
-    observer: &mut dyn Observer,
-    gathering: &mut Gathering,
-) -> TickRecord {
+fn tick(engine: &mut Engine<'_>, time: f64, observer: &mut dyn Observer, gathering: &mut Gathering) -> TickRecord {
     let record = engine.ticker.tick(time, engine.ticker.period());
     let report = TickReport { record, latency: 0.0, work: 0.0, overruns: 0 };
     engine.ticker.trace(&report);
