@@ -7,10 +7,12 @@ use criterion::Criterion;
 use nalgebra::DMatrix;
 use palpate::fem::factor::{Factor, FactorStatus, ReachWorkspace, SolveWorkspace};
 use palpate::fem::nodal_rows::NodalRows;
+use palpate::simulation::Simulation;
 use palpate::world::World;
 use std::sync::Arc;
 
 mod organ;
+use organ::patch::Patch;
 use organ::{CELLS, benches, liver_under_ball, measuring, nodes, paired_medians, press};
 
 /// Runs in turn for the printed ratio.
@@ -38,9 +40,9 @@ impl Full {
     }
 }
 
-fn measure(c: &mut Criterion, world: &World) {
-    let (simulation, report) = press(world, true);
-    let rows = &simulation.workspace().rows().tissue;
+fn measure(c: &mut Criterion, world: &World, simulation: &Simulation<'_>, contacts: usize) {
+    let patch = Patch::of(simulation, contacts);
+    let rows = &patch.rows;
     let m = rows.len();
     let mut factor = Factor::new(Arc::clone(world.symbolic()));
     assert_eq!(factor.refactor(&simulation.workspace().fem.system).status, FactorStatus::Ok);
@@ -59,8 +61,8 @@ fn measure(c: &mut Criterion, world: &World) {
     println!(
         "{}, {} contacts ({} carry force): reach {:.2} ms, full solves {:.2} ms, ratio {:.1}; they differ by {:.0e}",
         nodes(world),
-        report.detection.contacts,
-        report.active,
+        patch.contacts(),
+        patch.active,
         1e3 * by_reach,
         1e3 * by_solves,
         by_solves / by_reach,
@@ -68,7 +70,7 @@ fn measure(c: &mut Criterion, world: &World) {
     );
 
     let mut group = c.benchmark_group(format!("compliance, {}", nodes(world)));
-    let contacts = report.detection.contacts;
+    let contacts = patch.contacts();
     group.bench_function(format!("{contacts} contacts, reach"), |b| {
         b.iter(|| factor.compliance_into(rows, h2, &mut w, &mut reach));
     });
@@ -82,9 +84,9 @@ fn main() {
     // One worker: this stage of the step is sequential.
     benches(1, |c| {
         for cell in &CELLS[..2] {
-            for contacts in [10, 30] {
-                measure(c, &liver_under_ball(*cell, contacts));
-            }
+            let world = liver_under_ball(*cell);
+            let (simulation, _) = press(&world);
+            [10, 30].into_iter().for_each(|contacts| measure(c, &world, &simulation, contacts));
         }
     });
 }

@@ -17,9 +17,6 @@ use std::sync::Arc;
 mod organ;
 use organ::{CELLS, benches, liver_under_ball, nodes, press};
 
-/// Contacts that press: enough for a dent as deep as a hand makes.
-const CONTACTS: usize = 30;
-
 fn factor_of(world: &World, system: &SystemMatrix) -> Factor {
     let mut factor = Factor::new(Arc::clone(world.symbolic()));
     assert_eq!(factor.refactor(system).status, FactorStatus::Ok, "the filter keeps the matrix definite");
@@ -27,7 +24,7 @@ fn factor_of(world: &World, system: &SystemMatrix) -> Factor {
 }
 
 fn measure(c: &mut Criterion, world: &World) {
-    let (simulation, report) = press(world, true);
+    let (simulation, report) = press(world);
     let free = world.model().free_nodes();
     let fem = &simulation.workspace().fem;
     let (system, rhs) = (&fem.system, &fem.rhs);
@@ -76,7 +73,7 @@ fn measure(c: &mut Criterion, world: &World) {
 fn main() {
     benches(0, |c| {
         for cell in &CELLS[..2] {
-            measure(c, &liver_under_ball(*cell, CONTACTS));
+            measure(c, &liver_under_ball(*cell));
         }
     });
 }

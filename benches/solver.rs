@@ -7,16 +7,14 @@ use criterion::Criterion;
 use palpate::solver::gauss_seidel::{GaussSeidelConfig, GaussSeidelWorkspace, solve};
 
 mod organ;
-use organ::{SMALL, benches, liver_under_ball, press};
+use organ::patch::Patch;
+use organ::{CELLS, benches, liver_under_ball, press};
 
 /// How far (m) a hand that moves at 20 mm/s presses on in one millisecond.
 const TICK_MOTION: f64 = 20e-6;
 
-fn measure(c: &mut Criterion, contacts: usize) {
-    let world = liver_under_ball(SMALL, contacts);
-    let (simulation, report) = press(&world, true);
-    let problem = simulation.workspace().problem();
-    let view = problem.view();
+fn measure(c: &mut Criterion, patch: &Patch) {
+    let view = patch.problem.view();
     let rows = view.rows();
     let mut ws = GaussSeidelWorkspace::with_capacity(rows);
     let config = |tolerance| GaussSeidelConfig { tolerance, max_sweeps: 20_000, ..GaussSeidelConfig::default() };
@@ -43,7 +41,7 @@ fn measure(c: &mut Criterion, contacts: usize) {
         println!(
             "{} contacts, {} carry force, {case}: {:?} after {} sweeps",
             view.blocks.len(),
-            report.active,
+            patch.active,
             done.status,
             done.iterations
         );
@@ -53,5 +51,9 @@ fn measure(c: &mut Criterion, contacts: usize) {
 }
 
 fn main() {
-    benches(1, |c| [10, 30, 60].into_iter().for_each(|contacts| measure(c, contacts)));
+    benches(1, |c| {
+        let world = liver_under_ball(CELLS[1]);
+        let (simulation, _) = press(&world);
+        [10, 30, 60].into_iter().for_each(|contacts| measure(c, &Patch::of(&simulation, contacts)));
+    });
 }

@@ -1,10 +1,13 @@
 //! What the benches share: the bundled liver in several sizes, and a simulation that presses a ball into it.
 #![allow(dead_code)] // every bench is a program of its own and uses a part of this
 
+pub(crate) mod patch;
+
 use std::time::{Duration, Instant};
 
 use criterion::Criterion;
 use nalgebra::{Isometry3, Vector3};
+use palpate::collision::detection::ContactKind;
 use palpate::collision::shape::ToolShape;
 use palpate::fem::material::Material;
 use palpate::fem::model::{FemModel, FemState};
@@ -20,8 +23,15 @@ pub(crate) const CELLS: [f64; 3] = [0.0155, 0.012, 0.0084];
 /// The lattice constant of the smallest of them.
 pub(crate) const SMALL: f64 = CELLS[0];
 
-/// Radius (m) of the ball that presses: a fist, so that as many contacts as wanted carry force at once.
-const BALL: f64 = 0.06;
+/// Radius (m) of the ball that presses: a fist, so that many contacts carry force at once.
+const BALL: f64 = 0.1;
+
+/// Contacts that the ball may have at once.
+const CAPACITY: usize = 96;
+
+/// Steps for which the ball moves, and how far (m) in each: it meets the skin after about 20 mm and dents it by as much.
+const PRESS_STEPS: u32 = 27;
+const PRESS_STEP: f64 = 1.5e-3;
 
 /// The bundled liver with another lattice constant (m) and what else `change` says.
 pub(crate) fn liver(cell: f64, change: impl FnOnce(&mut SceneDescription)) -> World {
@@ -39,16 +49,17 @@ pub(crate) fn liver_of(cell: f64, material: Material) -> World {
     })
 }
 
-/// The liver under a ball that meets up to `contacts` points of its skin.
-pub(crate) fn liver_under_ball(cell: f64, contacts: usize) -> World {
+/// The liver under a ball that meets the nodes of its skin.
+pub(crate) fn liver_under_ball(cell: f64) -> World {
     liver(cell, |scene| {
         scene.tools[0].shape = ToolShape::sphere(BALL).expect("the radius is positive");
-        scene.contact.max_contacts = contacts;
+        scene.contact.max_contacts = CAPACITY;
+        scene.contact.at = ContactKind::Nodes;
         scene.hand.path.iter_mut().for_each(|key| key.position[1] -= BALL);
     })
 }
 
-/// `free nodes` as text for the name of a case.
+/// Size of the body as text for the name of a case.
 pub(crate) fn nodes(world: &World) -> String {
     format!("{} nodes", world.mesh().nodes.len())
 }
@@ -58,19 +69,13 @@ pub(crate) fn pool(threads: usize) -> ThreadPool {
     ThreadPoolBuilder::new().num_threads(threads).build().expect("the system grants threads")
 }
 
-/// Where the ball is after it has gone `depth` (m) to the back from the begin of its path.
-fn ball_at(world: &World, depth: f64) -> Isometry3<f64> {
-    Isometry3::translation(0.0, depth, 0.0) * world.first_pose()
-}
-
-/// A simulation in which the ball is pressed until its whole capacity of contacts carries force, and what its last
-/// step reported. The factor stays that of the body at rest where `fresh` is false.
-pub(crate) fn press(world: &World, fresh: bool) -> (Simulation<'_>, StepReport) {
-    let mut simulation = Simulation::new(world).expect("the liver has a factor").refresh_every(u64::from(fresh));
-    let (mut depth, mut report) = (0.0, simulation.step(&world.first_pose()));
-    while report.active < world.detection().max_contacts && depth < 0.06 {
-        depth += 1.5e-3;
-        report = simulation.step(&ball_at(world, depth));
+/// A simulation after the ball was pressed into the body, and what its last step reported.
+pub(crate) fn press(world: &World) -> (Simulation<'_>, StepReport) {
+    let mut simulation = Simulation::new(world).expect("the liver has a factor");
+    let mut report = simulation.step(&world.first_pose());
+    for k in 1..=PRESS_STEPS {
+        let depth = PRESS_STEP * f64::from(k);
+        report = simulation.step(&(Isometry3::translation(0.0, depth, 0.0) * world.first_pose()));
     }
     (simulation, report)
 }

@@ -14,7 +14,8 @@ use palpate::haptics::tick::{Tick, TickConfig, TickState, TickWorkspace};
 use palpate::summary::Tail;
 use palpate::world::World;
 
-use crate::organ::{SMALL, liver_under_ball, pool, press};
+use crate::organ::patch::Patch;
+use crate::organ::{CELLS, liver_under_ball, pool, press};
 use crate::table::{MICROSECONDS, head, line};
 
 /// Radius of the circle along the skin and amplitude of the motion into it (m); turns in a second.
@@ -98,22 +99,22 @@ fn run(world: &World, mut snapshot: HapticSnapshot, ticks: u64) -> Alone {
 
 /// Ticks on snapshots with each of these numbers of contacts, and prints their tails.
 pub(crate) fn measure(contacts: &[usize], ticks: u64) {
+    let world = liver_under_ball(CELLS[1]);
+    let patches: Vec<Patch> = pool(1).install(|| {
+        let (simulation, _) = press(&world);
+        contacts.iter().map(|&contacts| Patch::of(&simulation, contacts)).collect()
+    });
     head(&format!("{ticks} ticks alone"));
     let mut notes = Vec::new();
-    for &contacts in contacts {
-        let world = liver_under_ball(SMALL, contacts);
-        let (snapshot, report) = pool(1).install(|| {
-            let (simulation, report) = press(&world, true);
-            (simulation.snapshot().clone(), report)
-        });
-        let found = snapshot.contacts();
-        let seen = run(&world, snapshot, ticks);
+    for patch in patches {
+        let (found, active) = (patch.contacts(), patch.active);
+        let seen = run(&world, patch.snapshot, ticks);
         line(&format!("work with {found} contacts"), &seen.work.percentiles(), MICROSECONDS, "to reach: p99 < 150");
-        let (sweeps, active) = (seen.sweeps.percentiles(), seen.active.percentiles());
+        let (sweeps, in_tick) = (seen.sweeps.percentiles(), seen.active.percentiles());
         notes.push(format!(
-            "{found} contacts: {} carried force in the step, {:.0} in a tick at the median; sweeps {:.0} at the median, \
-             {:.0} at p99; {} ticks ended at their bound of sweeps; allocations: {}",
-            report.active, active.p50, sweeps.p50, sweeps.p99, seen.not_converged, seen.allocations
+            "{found} contacts: {active} carried force in the step, {:.0} in a tick at the median; sweeps {:.0} at the \
+             median, {:.0} at p99; {} ticks ended at their bound of sweeps; allocations: {}",
+            in_tick.p50, sweeps.p50, sweeps.p99, seen.not_converged, seen.allocations
         ));
     }
     notes.iter().for_each(|note| println!("{note}"));
