@@ -124,7 +124,7 @@ fn tick_loop(ticker: &mut Ticker, mut pacer: Pacer, mut reports: Sender<TickRepo
     let mut before = None;
     while let Some(beat) = pacer.wait(end) {
         let start = Instant::now();
-        let dt = beat.time - before.replace(beat.time).unwrap_or(beat.time - ticker.period());
+        let dt = ticker.since(before.replace(beat.time), beat.time);
         let record = ticker.tick(beat.time, dt);
         let work = start.elapsed().as_secs_f64();
         let report = TickReport { record, latency: beat.latency, work, overruns: beat.missed };
