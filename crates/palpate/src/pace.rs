@@ -6,6 +6,11 @@ use std::time::{Duration, Instant};
 /// Longest sleep without a look at the end: a thread of any rate ends within it.
 const NAP: Duration = Duration::from_millis(50);
 
+/// Whole nanoseconds as seconds. Real time is counted in them so that a trace, which holds them, gives the same bits.
+pub(crate) fn seconds(nanoseconds: u64) -> f64 {
+    nanoseconds as f64 * 1e-9
+}
+
 /// Wakes a thread once per period.
 pub(crate) struct Pacer {
     start: Instant,
@@ -29,9 +34,10 @@ impl Pacer {
         Self { start, period: 1.0 / rate, next: 0 }
     }
 
-    /// Time since the start (s).
+    /// Time since the start (s), as a trace keeps it.
     pub(crate) fn time(&self) -> f64 {
-        self.start.elapsed().as_secs_f64()
+        // Five centuries of nanoseconds fit.
+        seconds(self.start.elapsed().as_nanos() as u64)
     }
 
     /// Sleeps until the next period begins; returns at once where it has begun already. `None` once `end` is set.

@@ -52,7 +52,7 @@ pub(crate) fn run(
     let end_all = AtomicBool::new(false);
     let granted = AtomicBool::new(true);
     let start = Instant::now();
-    let outcome = std::thread::scope(|scope| -> std::io::Result<RunEnd> {
+    let outcome = std::thread::scope(|scope| -> std::io::Result<(RunEnd, f64)> {
         let spawn = |name: &str| std::thread::Builder::new().name(name.into());
         let (stage, refresh, ticker, refresh_trace) = (&mut stage, &mut refresh, &mut ticker, &mut refresh_trace);
         let (end_all, granted, pool) = (&end_all, &granted, pool);
@@ -74,12 +74,14 @@ pub(crate) fn run(
                     pool.install(|| step_loop(stage, Pacer::new(start, rates.step), step_sender, end_all));
                 })
             });
-        spawned.map(|_| watch.until(seconds, start, stop, end_all, observer))
+        let end = spawned.map(|_| watch.until(seconds, start, stop, end_all, observer))?;
+        // Before the last step has ended, which would pass for time without ticks.
+        Ok((end, start.elapsed().as_secs_f64()))
     });
-    let wall = start.elapsed().as_secs_f64();
     watch.drain(observer);
     let mut gathering = watch.gathering;
-    gathering.end = outcome.map_err(|e| RunError::Threads(e.to_string()))?;
+    let (end, wall) = outcome.map_err(|e| RunError::Threads(e.to_string()))?;
+    gathering.end = end;
     gathering.missed = watch.steps.dropped() + watch.ticks.dropped() + watch.refreshes.dropped();
     if !granted.load(Ordering::Relaxed) {
         gathering.notes.push(PRIORITY_REMEDY.into());
@@ -122,7 +124,7 @@ fn tick_loop(ticker: &mut Ticker, mut pacer: Pacer, mut reports: Sender<TickRepo
     let mut before = None;
     while let Some(beat) = pacer.wait(end) {
         let start = Instant::now();
-        let dt = beat.time - before.replace(beat.time).unwrap_or(beat.time - ticker.period());
+        let dt = ticker.since(before.replace(beat.time), beat.time);
         let record = ticker.tick(beat.time, dt);
         let work = start.elapsed().as_secs_f64();
         let report = TickReport { record, latency: beat.latency, work, overruns: beat.missed };

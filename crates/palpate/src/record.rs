@@ -26,6 +26,9 @@ use crate::world::World;
 /// Attachment that holds the scene.
 pub(crate) const SCENE: &str = "scene.toml";
 
+/// Mode of a run in virtual time, in the metadata of its trace.
+pub(crate) const LOCKSTEP: &str = "lockstep";
+
 /// Metadata record that says how the run ended, and its entry for the number of ticks.
 pub(crate) const END: &str = "end";
 pub(crate) const TICKS: &str = "ticks";
@@ -123,7 +126,7 @@ fn config(world: &World, options: &RunOptions) -> TraceConfig {
         ("scene".into(), scene.name.clone()),
         ("embedded".into(), world.scene().is_embedded().to_string()),
         ("folder".into(), world.scene().folder().display().to_string()),
-        ("mode".into(), if options.lockstep { "lockstep" } else { "real time" }.into()),
+        ("mode".into(), if options.lockstep { LOCKSTEP } else { "real time" }.into()),
         ("seconds".into(), format!("{length:?}")),
         ("step_rate_hz".into(), format!("{:?}", scene.rates.step)),
         ("factor_rate_hz".into(), format!("{:?}", scene.rates.factor)),

@@ -85,6 +85,11 @@ impl Ticker {
         self.tick.period()
     }
 
+    /// Time since the tick before (s); a period for the first.
+    pub(crate) fn since(&self, before: Option<f64>, time: f64) -> f64 {
+        before.map_or(self.period(), |before| time - before)
+    }
+
     /// One tick at `time` (s), `dt` seconds after the last: allocates nothing, takes no lock, has no panic path.
     pub fn tick(&mut self, time: f64, dt: f64) -> TickRecord {
         let moment = TickTime { index: self.index, time, dt };
