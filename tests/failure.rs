@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Vector3};
 use palpate::constraints::compliance::ComplianceMethod;
 use palpate::fem::factor::FactorStatus;
 use palpate::haptics::script::ScriptKey;
-use palpate::refresh::{MatrixSample, refresh};
+use palpate::refresh::{FactorSample, refresh};
 use palpate::run::{Length, RunError, RunOptions};
 use palpate::scene::SceneDescription;
 use palpate::simulation::Simulation;
@@ -138,8 +138,8 @@ fn a_matrix_that_cannot_be_factored_leaves_the_last_good_factor_in_use() {
     simulation.step(&pose(0));
     let good = simulation.workspace().fem.system.clone();
     let q = world.mesh().nodes.clone();
-    let first = MatrixSample { step: 0, time: 0.0, q: q.clone(), system: good.clone() };
-    let (mut port, mut stage) = refresh(world.symbolic(), &first).unwrap();
+    let first = FactorSample::new(world.symbolic(), 0, 0, 0.0, &q, &good).unwrap();
+    let (mut port, mut stage) = refresh(&first, &good);
     let revision = port.factor().factor.revision();
 
     let mut indefinite = good.clone();
@@ -161,7 +161,7 @@ fn a_matrix_that_cannot_be_factored_leaves_the_last_good_factor_in_use() {
     assert!(stage.refresh(|| 0.4).unwrap().is_ok());
     let factor = port.factor();
     assert_eq!((factor.epoch, factor.step, factor.time), (1, 5, 0.3), "the next good matrix is taken again");
-    assert!(refresh(world.symbolic(), &MatrixSample { system: indefinite, ..first }).is_err(), "no first factor");
+    assert!(FactorSample::new(world.symbolic(), 0, 0, 0.0, &q, &indefinite).is_err(), "no first factor");
 }
 
 #[test]

@@ -51,7 +51,7 @@ impl FactorSample {
     ///
     /// # Errors
     /// The status of the factorisation where it fails.
-    pub(crate) fn new(
+    pub fn new(
         symbolic: &Arc<SymbolicFactor>,
         epoch: u64,
         step: u64,
