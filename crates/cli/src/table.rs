@@ -1,18 +1,13 @@
 //! The summary of a run as a table.
 
 use comfy_table::{Cell, CellAlignment, Table, presets};
-use palpate::summary::{Percentiles, RunEnd, RunSummary};
+use palpate::summary::{Percentiles, RunSummary};
 
 /// The summary as text.
 pub(crate) fn summary(s: &RunSummary) -> String {
-    let end = match s.end {
-        RunEnd::Completed => "completed",
-        RunEnd::Interrupted => "interrupted",
-        RunEnd::BodyFailed => "STOPPED: the body became non-finite and was rolled back",
-    };
     let mut lines = vec![format!(
-        "{} ({}, {} nodes, {} tetrahedra): {:.2} s, {end}",
-        s.scene, s.mode, s.nodes, s.tetrahedra, s.simulated
+        "{} ({}, {} nodes, {} tetrahedra): {:.2} s, {}",
+        s.scene, s.mode, s.nodes, s.tetrahedra, s.simulated, s.end
     )];
     lines.push(tails(s).to_string());
     lines.push(facts(s).to_string());

@@ -3,7 +3,7 @@
 use nalgebra::Isometry3;
 
 use crate::device::DeviceError;
-use crate::wrench::Wrench;
+use crate::wrench::{Twist, Wrench};
 
 /// What happened in a tick, one bit each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -95,12 +95,16 @@ pub struct TickRecord {
     pub time: f64,
     /// Pose that the device measured; the last good one if it did not answer.
     pub device_pose: Isometry3<f64>,
+    /// Velocity of the device as it estimates it \[m/s, rad/s\]; zero if it did not answer.
+    pub device_velocity: Twist,
     /// Pose of the tool behind the coupling, on the surface where there is contact. What the step is to work with.
     pub tool_pose: Isometry3<f64>,
     /// Wrench sent to the hand, after all limits \[N, N m\].
     pub wrench: Wrench,
     /// Contact wrench before limits \[N, N m\].
     pub contact_wrench: Wrench,
+    /// Smallest gap that the local problem leaves \[m\]; infinite without contacts.
+    pub gap: f64,
     /// Contacts in the local problem.
     pub contacts: u32,
     /// Contacts that carry force.

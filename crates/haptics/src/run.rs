@@ -10,7 +10,7 @@ use crate::wrench::Wrench;
 /// Reads the device, takes the latest snapshot, ticks, and writes the wrench.
 ///
 /// `time.dt` is the time since the last call as measured, or the period in lockstep. A device that does not answer
-/// gets a zero wrench, tried once; the record names the error. But for the device's own calls it is as bounded and as
+/// gets a zero wrench; the record names the error. But for the device's own calls it is as bounded and as
 /// quiet as [`Tick::tick`].
 pub fn run_tick(
     tick: &Tick,

@@ -16,9 +16,6 @@ use nalgebra::Isometry3;
 use palpate_constraints::law::Law;
 use palpate_solver::problem::Block;
 
-/// Contacts that a snapshot holds unless told otherwise.
-pub const DEFAULT_MAX_CONTACTS: usize = 64;
-
 /// Most rows that one law couples.
 pub const ROWS_PER_CONTACT: usize = palpate_constraints::law::MAX_BLOCK_ROWS;
 

@@ -1,14 +1,13 @@
 //! The three stages of a run and what lies between them: made once, then moved to threads or driven in lockstep.
 
 use nalgebra::Isometry3;
-use palpate_fem::model::FemState;
 use palpate_haptics::exchange::{Reader, Writer, latest};
 use palpate_haptics::snapshot::HapticSnapshot;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::gathering::Gathering;
 use crate::record::{FactorLine, StepLine, TraceLines};
-use crate::refresh::{MatrixSample, Refresh, RefreshPort, refresh};
+use crate::refresh::{FactorSample, Refresh, RefreshPort, refresh};
 use crate::run::{RunError, RunOptions, RunOutcome};
 use crate::settle::settle;
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, step};
@@ -35,9 +34,8 @@ impl<'w> Engine<'w> {
             notes.push("the body did not settle under gravity; it begins as near to rest as it came".to_string());
         }
         let mut ws = StepWorkspace::new(world);
-        let first = first_matrix(world, &rest, &mut ws);
-        let (port, refresh) = refresh(world.symbolic(), &first)
-            .map_err(|status| RunError::Factorization { status: format!("{status:?}") })?;
+        let first = FactorSample::first(world, &rest, &mut ws)?;
+        let (port, refresh) = refresh(&first, &ws.fem.system);
         let pose = world.first_pose();
         let (pose_writer, pose_reader) = latest(&pose);
         let (snapshot_writer, snapshot_reader) = latest(&HapticSnapshot::new(world.detection().max_contacts));
@@ -59,16 +57,10 @@ impl<'w> Engine<'w> {
 
     /// Ends the trace and sums the run up. `wall` is the time it took in real time (s).
     pub(crate) fn finish(self, mut gathering: Gathering, wall: Option<f64>) -> RunOutcome {
-        let trace = self.trace.map(TraceLines::finish);
         gathering.notes.splice(0..0, self.notes);
+        let trace = self.trace.map(|trace| trace.finish(&gathering));
         RunOutcome { summary: gathering.summary(self.world, wall, trace), state: self.stage.state.fem }
     }
-}
-
-/// The matrix of the settled body, for the factor that exists before the first step.
-fn first_matrix(world: &World, rest: &FemState, ws: &mut StepWorkspace) -> MatrixSample {
-    palpate_fem::assembly::assemble(world.model(), rest, world.dt(), &[], &mut ws.fem);
-    MatrixSample { step: 0, time: 0.0, q: rest.q.clone(), system: ws.fem.system.clone() }
 }
 
 /// The worker threads of the step.
@@ -101,6 +93,12 @@ impl StepStage<'_> {
             self.port.offer(report.step, time, self.state.before(), &self.ws.fem.system);
         }
         report
+    }
+
+    /// Makes the next step fail.
+    #[cfg(test)]
+    pub(crate) fn spoil(&mut self) {
+        self.state.fem.v.fill(nalgebra::Vector3::repeat(f64::NAN));
     }
 
     /// Hands the report and the new shape to the trace; `keep_times` is false in lockstep, where wall times would make

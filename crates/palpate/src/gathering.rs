@@ -10,6 +10,7 @@ use crate::world::World;
 
 /// Tails, counts and extremes of a run so far.
 pub(crate) struct Gathering {
+    body: String,
     pub(crate) end: RunEnd,
     pub(crate) failed: bool,
     pub(crate) missed: u64,
@@ -37,9 +38,11 @@ pub(crate) struct Gathering {
 }
 
 impl Gathering {
-    pub(crate) fn new() -> Self {
+    /// For a run of `world`, whose body the notes name.
+    pub(crate) fn new(world: &World) -> Self {
         let nanoseconds = || Tail::new(1e-9);
         Self {
+            body: world.description().bodies[0].name.clone(),
             end: RunEnd::Completed,
             failed: false,
             missed: 0,
@@ -85,9 +88,9 @@ impl Gathering {
                 None => format!("the smallest volume ratio was {:.3}", report.assembly.min_jacobian),
             };
             self.notes.push(format!(
-                "step {} at {:.3} s: the body became non-finite and was rolled back ({tetrahedron}); try a smaller step, \
-                 a softer press or a finer mesh",
-                report.step, report.time
+                "step {} at {:.3} s: body {} became non-finite or was torn apart, and was rolled back ({tetrahedron}); \
+                 try a smaller step, a softer press or a finer mesh",
+                report.step, report.time, self.body
             ));
         }
         observer.step(report);

@@ -1,6 +1,15 @@
 //! Periodic wake-ups against the real clock. Missed periods are counted and skipped, never made up for.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+
+/// Longest sleep without a look at the end: a thread of any rate ends within it.
+const NAP: Duration = Duration::from_millis(50);
+
+/// Whole nanoseconds as seconds. Real time is counted in them so that a trace, which holds them, gives the same bits.
+pub(crate) fn seconds(nanoseconds: u64) -> f64 {
+    nanoseconds as f64 * 1e-9
+}
 
 /// Wakes a thread once per period.
 pub(crate) struct Pacer {
@@ -25,23 +34,30 @@ impl Pacer {
         Self { start, period: 1.0 / rate, next: 0 }
     }
 
-    /// Time since the start (s).
+    /// Time since the start (s), as a trace keeps it.
     pub(crate) fn time(&self) -> f64 {
-        self.start.elapsed().as_secs_f64()
+        // Five centuries of nanoseconds fit.
+        seconds(self.start.elapsed().as_nanos() as u64)
     }
 
-    /// Sleeps until the next period begins; returns at once where it has begun already.
-    pub(crate) fn wait(&mut self) -> Beat {
+    /// Sleeps until the next period begins; returns at once where it has begun already. `None` once `end` is set.
+    pub(crate) fn wait(&mut self, end: &AtomicBool) -> Option<Beat> {
         let target = self.next as f64 * self.period;
-        let ahead = target - self.start.elapsed().as_secs_f64();
-        if ahead > 0.0 {
-            std::thread::sleep(Duration::from_secs_f64(ahead));
-        }
-        let time = self.start.elapsed().as_secs_f64();
+        let time = loop {
+            if end.load(Ordering::Acquire) {
+                return None;
+            }
+            let time = self.time();
+            let ahead = target - time;
+            if ahead <= 0.0 {
+                break time;
+            }
+            std::thread::sleep(Duration::from_secs_f64(ahead.min(NAP.as_secs_f64())));
+        };
         let latency = (time - target).max(0.0);
         let missed = (latency / self.period) as u64;
         self.next += 1 + missed;
-        Beat { time, latency, missed: missed.min(u64::from(u32::MAX)) as u32 }
+        Some(Beat { time, latency, missed: missed.min(u64::from(u32::MAX)) as u32 })
     }
 }
 
@@ -51,12 +67,23 @@ mod tests {
 
     #[test]
     fn a_late_wake_up_skips_periods_and_counts_them() {
-        let mut pacer = Pacer::new(Instant::now(), 1000.0);
-        pacer.wait();
+        let (mut pacer, end) = (Pacer::new(Instant::now(), 1000.0), AtomicBool::new(false));
+        pacer.wait(&end).unwrap();
         std::thread::sleep(Duration::from_millis(20));
-        let late = pacer.wait();
+        let late = pacer.wait(&end).unwrap();
         assert!(late.missed >= 18, "19 periods passed, {} were counted", late.missed);
         let next = pacer.next;
         assert!(next >= 20, "the next period lies after the missed ones, not at {next}");
+    }
+
+    #[test]
+    fn the_end_of_a_run_does_not_wait_for_a_slow_period() {
+        let (mut pacer, end) = (Pacer::new(Instant::now(), 1e-6), AtomicBool::new(false));
+        assert!(pacer.wait(&end).is_some(), "the first period begins at once");
+        std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| pacer.wait(&end));
+            end.store(true, Ordering::Release);
+            assert!(waiting.join().unwrap().is_none());
+        });
     }
 }

@@ -43,7 +43,7 @@ pub(crate) fn run(
     let (tick_sender, tick_receiver) = every::<TickReport>((rates.tick as usize).max(1024));
     let (refresh_sender, refresh_receiver) = every::<RefreshReport>(64);
     let mut watch = Watch {
-        gathering: Gathering::new(),
+        gathering: Gathering::new(world),
         steps: step_receiver,
         ticks: tick_receiver,
         refreshes: refresh_receiver,
@@ -52,13 +52,16 @@ pub(crate) fn run(
     let end_all = AtomicBool::new(false);
     let granted = AtomicBool::new(true);
     let start = Instant::now();
-    let outcome = std::thread::scope(|scope| -> std::io::Result<RunEnd> {
+    let outcome = std::thread::scope(|scope| -> std::io::Result<(RunEnd, f64)> {
         let spawn = |name: &str| std::thread::Builder::new().name(name.into());
         let (stage, refresh, ticker, refresh_trace) = (&mut stage, &mut refresh, &mut ticker, &mut refresh_trace);
         let (end_all, granted, pool) = (&end_all, &granted, pool);
+        // The scope waits for its threads even where an observer panics, so they must be told.
+        let _told = EndOnDrop(end_all);
         let spawned = spawn("palpate-tick")
             .spawn_scoped(scope, move || {
                 granted.store(raise_priority(), Ordering::Relaxed);
+                let _ends = EndOnDrop(end_all);
                 tick_loop(ticker, Pacer::new(start, rates.tick), tick_sender, end_all);
             })
             .and_then(|_| {
@@ -71,14 +74,14 @@ pub(crate) fn run(
                     pool.install(|| step_loop(stage, Pacer::new(start, rates.step), step_sender, end_all));
                 })
             });
-        let end = spawned.map(|_| watch.until(seconds, start, stop, observer));
-        end_all.store(true, Ordering::Release);
-        end
+        let end = spawned.map(|_| watch.until(seconds, start, stop, end_all, observer))?;
+        // Before the last step has ended, which would pass for time without ticks.
+        Ok((end, start.elapsed().as_secs_f64()))
     });
-    let wall = start.elapsed().as_secs_f64();
     watch.drain(observer);
     let mut gathering = watch.gathering;
-    gathering.end = outcome.map_err(|e| RunError::Threads(e.to_string()))?;
+    let (end, wall) = outcome.map_err(|e| RunError::Threads(e.to_string()))?;
+    gathering.end = end;
     gathering.missed = watch.steps.dropped() + watch.ticks.dropped() + watch.refreshes.dropped();
     if !granted.load(Ordering::Relaxed) {
         gathering.notes.push(PRIORITY_REMEDY.into());
@@ -97,24 +100,41 @@ fn raise_priority() -> bool {
     .is_ok()
 }
 
+/// Ends all threads when it is dropped, in a panic too.
+struct EndOnDrop<'a>(&'a AtomicBool);
+
+impl Drop for EndOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
+}
+
+/// Takes the force off the device when it is dropped, in a panic too.
+struct Resting<'a>(&'a mut Ticker);
+
+impl Drop for Resting<'_> {
+    fn drop(&mut self) {
+        self.0.rest();
+    }
+}
+
 fn tick_loop(ticker: &mut Ticker, mut pacer: Pacer, mut reports: Sender<TickReport>, end: &AtomicBool) {
+    let resting = Resting(ticker);
+    let ticker = &mut *resting.0;
     let mut before = None;
-    while !end.load(Ordering::Acquire) {
-        let beat = pacer.wait();
+    while let Some(beat) = pacer.wait(end) {
         let start = Instant::now();
-        let dt = beat.time - before.replace(beat.time).unwrap_or(beat.time - ticker.period());
+        let dt = ticker.since(before.replace(beat.time), beat.time);
         let record = ticker.tick(beat.time, dt);
         let work = start.elapsed().as_secs_f64();
         let report = TickReport { record, latency: beat.latency, work, overruns: beat.missed };
         ticker.trace(&report);
         reports.send(report);
     }
-    ticker.rest();
 }
 
 fn step_loop(stage: &mut StepStage<'_>, mut pacer: Pacer, mut reports: Sender<StepReport>, end: &AtomicBool) {
-    while !end.load(Ordering::Acquire) {
-        let beat = pacer.wait();
+    while let Some(beat) = pacer.wait(end) {
         let mut report = stage.advance(beat.time);
         report.latency = beat.latency;
         report.overruns = beat.missed;
@@ -133,8 +153,7 @@ fn refresh_loop(
     mut reports: Sender<RefreshReport>,
     end: &AtomicBool,
 ) {
-    while !end.load(Ordering::Acquire) {
-        pacer.wait();
+    while pacer.wait(end).is_some() {
         refresh.want();
         let report = loop {
             if end.load(Ordering::Acquire) {
@@ -161,8 +180,15 @@ struct Watch {
 }
 
 impl Watch {
-    /// Watches until the time is up, the caller says stop, or the body fails.
-    fn until(&mut self, seconds: f64, start: Instant, stop: &AtomicBool, observer: &mut dyn Observer) -> RunEnd {
+    /// Watches until the time is up, the caller says stop, the body fails, or the tick thread is gone.
+    fn until(
+        &mut self,
+        seconds: f64,
+        start: Instant,
+        stop: &AtomicBool,
+        gone: &AtomicBool,
+        observer: &mut dyn Observer,
+    ) -> RunEnd {
         loop {
             std::thread::sleep(WATCH_PERIOD);
             self.drain(observer);
@@ -171,7 +197,7 @@ impl Watch {
             if self.gathering.failed {
                 return RunEnd::BodyFailed;
             }
-            if stop.load(Ordering::Relaxed) {
+            if stop.load(Ordering::Relaxed) || gone.load(Ordering::Acquire) {
                 return RunEnd::Interrupted;
             }
             if start.elapsed().as_secs_f64() >= seconds {

@@ -5,16 +5,18 @@ use std::path::PathBuf;
 
 use nalgebra::Isometry3;
 use palpate_collision::shape::ToolShape;
-use palpate_fem::factor::FactorStatus;
+use palpate_fem::factor::{FactorStatus, ReachStatus};
 use palpate_fem::model::FemState;
 use palpate_fem::pcg::PcgStatus;
 use palpate_haptics::record::TickFlags;
 use palpate_trace as trace;
 use palpate_trace::{
-    Attachment, BodyGeometry, FactorTrace, InlineTrace, StepTrace, TickTrace, TraceConfig, TraceThread,
+    Attachment, BodyGeometry, FactorTrace, InlineTrace, LogLevel, LogRecord, StepTrace, TickTrace, TraceConfig,
+    TraceThread,
 };
 use serde::Serialize;
 
+use crate::gathering::Gathering;
 use crate::refresh::RefreshReport;
 use crate::run::{RunError, RunOptions};
 use crate::step::{StepReport, StepStatus};
@@ -23,6 +25,13 @@ use crate::world::World;
 
 /// Attachment that holds the scene.
 pub(crate) const SCENE: &str = "scene.toml";
+
+/// Mode of a run in virtual time, in the metadata of its trace.
+pub(crate) const LOCKSTEP: &str = "lockstep";
+
+/// Metadata record that says how the run ended, and its entry for the number of ticks.
+pub(crate) const END: &str = "end";
+pub(crate) const TICKS: &str = "ticks";
 
 /// What became of a trace.
 #[derive(Clone, Debug, Serialize)]
@@ -72,11 +81,31 @@ impl TraceLines {
         }
     }
 
-    /// Closes the file.
-    pub(crate) fn finish(self) -> TraceOutcome {
+    /// Writes the notes of the run and how it ended, and closes the file.
+    pub(crate) fn finish(self, gathering: &Gathering) -> TraceOutcome {
+        let [steps, factors, ticks] = gathering.counts();
+        let end = BTreeMap::from([
+            ("end".to_string(), gathering.end.name().to_string()),
+            ("steps".into(), steps.to_string()),
+            ("factors".into(), factors.to_string()),
+            (TICKS.into(), ticks.to_string()),
+        ]);
+        let time_ns = nanoseconds(gathering.progress().time);
+        let line = |level, text: &str| LogRecord::new(time_ns, level, "run", text);
+        let notes = gathering.notes.iter().map(|note| line(LogLevel::Warning, note));
+        let notes = notes.chain([line(LogLevel::Info, &format!("the run ended: {}", gathering.end))]);
+        // A line that finds no room is counted with the other drops.
         let summary = match self {
-            Self::Thread(thread) => thread.finish(),
-            Self::Inline(inline) => inline.finish(),
+            Self::Thread(mut thread) => {
+                notes.for_each(|note| _ = thread.log(note));
+                thread.set_end(end);
+                thread.finish()
+            }
+            Self::Inline(mut inline) => {
+                notes.for_each(|note| _ = inline.log(note));
+                inline.set_end(end);
+                inline.finish()
+            }
         };
         TraceOutcome {
             path: summary.path,
@@ -97,7 +126,7 @@ fn config(world: &World, options: &RunOptions) -> TraceConfig {
         ("scene".into(), scene.name.clone()),
         ("embedded".into(), world.scene().is_embedded().to_string()),
         ("folder".into(), world.scene().folder().display().to_string()),
-        ("mode".into(), if options.lockstep { "lockstep" } else { "real time" }.into()),
+        ("mode".into(), if options.lockstep { LOCKSTEP } else { "real time" }.into()),
         ("seconds".into(), format!("{length:?}")),
         ("step_rate_hz".into(), format!("{:?}", scene.rates.step)),
         ("factor_rate_hz".into(), format!("{:?}", scene.rates.factor)),
@@ -153,6 +182,8 @@ impl StepLine {
         flags.set(trace::StepFlags::CONTACTS_DROPPED, report.detection.dropped > 0);
         flags.set(trace::StepFlags::FREE_MOTION_UNCONVERGED, report.free_motion.status != PcgStatus::Converged);
         flags.set(trace::StepFlags::CONTACT_UNCONVERGED, !report.solve.is_solved());
+        flags.set(trace::StepFlags::FACTOR_REFUSED, report.refused);
+        flags.set(trace::StepFlags::NO_COMPLIANCE, report.compliance != ReachStatus::Ok);
         flags.set(trace::StepFlags::ROLLED_BACK, report.status == StepStatus::RolledBack);
         line.push(trace::StepRecord {
             step: report.step,
@@ -171,12 +202,11 @@ impl StepLine {
             cg_residual: report.free_motion.relative_residual,
             solver_sweeps: report.solve.iterations,
             solver_residual: report.solve.residual,
-            worst_row: i32::try_from(report.solve.worst_block).unwrap_or(-1),
+            worst_row: worst_row(report),
             factor_epoch: report.factor_epoch,
             factor_age: report.factor_age,
             tool_force: report.force.into(),
             tool_torque: report.torque.into(),
-            force_jump: 0.0,
             inverted_elements: report.assembly.inverted,
             filtered_elements: report.assembly.filtered,
             flags,
@@ -191,7 +221,18 @@ impl StepLine {
     }
 }
 
+/// First row of the contact with the largest residual: all contacts of a step have equally many. -1 without contacts.
+fn worst_row(report: &StepReport) -> i32 {
+    let rows = report.rows.rows.checked_div(report.rows.contacts);
+    rows.and_then(|n| i32::try_from(report.solve.worst_block as usize * n).ok()).unwrap_or(-1)
+}
+
 impl TickLine {
+    /// A line that leads nowhere.
+    pub(crate) fn none() -> Self {
+        Self(None)
+    }
+
     /// Hands a report over.
     pub(crate) fn push(&mut self, report: &TickReport) {
         let Some(line) = &mut self.0 else { return };
@@ -205,17 +246,24 @@ impl TickLine {
         flags.set(trace::TickFlags::DEVICE_MISSING, r.flags.contains(TickFlags::DEVICE_ERROR));
         flags.set(trace::TickFlags::OVERRUN, report.overruns > 0);
         flags.set(trace::TickFlags::CONTACTS_DROPPED, r.flags.contains(TickFlags::TRUNCATED));
+        let no_snapshot = r.flags.contains(TickFlags::NO_SNAPSHOT) || r.flags.contains(TickFlags::INVALID_SNAPSHOT);
+        flags.set(trace::TickFlags::NO_SNAPSHOT, no_snapshot);
+        flags.set(trace::TickFlags::BAD_POSE, r.flags.contains(TickFlags::BAD_POSE));
+        flags.set(trace::TickFlags::NEW_SNAPSHOT, r.flags.contains(TickFlags::NEW_SNAPSHOT));
         flags.set(trace::TickFlags::UNCONVERGED, r.flags.contains(TickFlags::NOT_CONVERGED));
         line.push(trace::TickRecord {
             tick: r.index,
             time_ns: nanoseconds(r.time),
             device_position: r.device_pose.translation.vector.into(),
             device_orientation: r.device_pose.rotation.coords.into(),
+            device_velocity: r.device_velocity.linear.into(),
+            device_angular_velocity: r.device_velocity.angular.into(),
             tool_position: r.tool_pose.translation.vector.into(),
             tool_orientation: r.tool_pose.rotation.coords.into(),
             force: r.wrench.force.into(),
             torque: r.wrench.torque.into(),
             force_unlimited: r.contact_wrench.force.into(),
+            gap: if r.contacts > 0 { r.gap } else { f64::NAN },
             contacts: r.active,
             sweeps: r.sweeps,
             residual: r.residual,
@@ -224,7 +272,7 @@ impl TickLine {
             flags,
             wake_latency_ns: nanoseconds(report.latency),
             work_ns: nanoseconds(report.work),
-            ..trace::TickRecord::default()
+            force_jump: r.force_jump,
         });
     }
 }

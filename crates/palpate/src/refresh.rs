@@ -8,9 +8,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use nalgebra::Vector3;
+use palpate_fem::assembly::assemble;
 use palpate_fem::factor::{Factor, FactorStatus, SymbolicFactor};
+use palpate_fem::model::FemState;
 use palpate_fem::sparse::SystemMatrix;
 use palpate_haptics::exchange::{Reader, Writer, latest};
+
+use crate::run::RunError;
+use crate::step::StepWorkspace;
+use crate::world::World;
 
 /// A system matrix on its way to the factor stage.
 #[derive(Clone)]
@@ -38,6 +44,34 @@ pub struct FactorSample {
     pub q: Vec<Vector3<f64>>,
     /// `A = Pᵀ L Lᵀ P`.
     pub factor: Factor,
+}
+
+impl FactorSample {
+    /// Factors the matrix of a step at `time` (s) and configuration `q` (m) into memory of its own.
+    ///
+    /// # Errors
+    /// The status of the factorisation where it fails.
+    pub fn new(
+        symbolic: &Arc<SymbolicFactor>,
+        epoch: u64,
+        step: u64,
+        time: f64,
+        q: &[Vector3<f64>],
+        system: &SystemMatrix,
+    ) -> Result<Self, FactorStatus> {
+        let mut factor = Factor::new(Arc::clone(symbolic));
+        match factor.refactor(system).status {
+            FactorStatus::Ok => Ok(Self { epoch, step, time, q: q.into(), factor }),
+            status => Err(status),
+        }
+    }
+
+    /// The factor that exists before the first step, of the matrix of the settled body.
+    pub(crate) fn first(world: &World, rest: &FemState, ws: &mut StepWorkspace) -> Result<Self, RunError> {
+        assemble(world.model(), rest, world.dt(), &[], &mut ws.fem);
+        Self::new(world.symbolic(), 0, 0, 0.0, &rest.q, &ws.fem.system)
+            .map_err(|status| RunError::Factorization { status: format!("{status:?}") })
+    }
 }
 
 /// What one refresh did.
@@ -79,22 +113,14 @@ pub struct Refresh {
     epoch: u64,
 }
 
-/// Both sides, with the first factor already in place.
-///
-/// # Errors
-/// The status of the first factorisation where it fails: the body as described cannot be simulated.
-pub fn refresh(symbolic: &Arc<SymbolicFactor>, first: &MatrixSample) -> Result<(RefreshPort, Refresh), FactorStatus> {
-    let mut factor = Factor::new(Arc::clone(symbolic));
-    let report = factor.refactor(&first.system);
-    if report.status != FactorStatus::Ok {
-        return Err(report.status);
-    }
-    let sample = FactorSample { epoch: 0, step: first.step, time: first.time, q: first.q.clone(), factor };
-    let (matrix_writer, matrix_reader) = latest(first);
-    let (factor_writer, factor_reader) = latest(&sample);
+/// Both sides, with the first factor and the matrix that it is of already in place.
+pub fn refresh(first: &FactorSample, system: &SystemMatrix) -> (RefreshPort, Refresh) {
+    let matrix = MatrixSample { step: first.step, time: first.time, q: first.q.clone(), system: system.clone() };
+    let (matrix_writer, matrix_reader) = latest(&matrix);
+    let (factor_writer, factor_reader) = latest(first);
     let wanted = Arc::new(AtomicBool::new(false));
     let port = RefreshPort { matrices: matrix_writer, factors: factor_reader, wanted: Arc::clone(&wanted) };
-    Ok((port, Refresh { matrices: matrix_reader, factors: factor_writer, wanted, epoch: 0 }))
+    (port, Refresh { matrices: matrix_reader, factors: factor_writer, wanted, epoch: first.epoch })
 }
 
 impl RefreshPort {

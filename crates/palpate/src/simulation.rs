@@ -32,13 +32,7 @@ impl<'w> Simulation<'w> {
     pub fn new(world: &'w World) -> Result<Self, RunError> {
         let (rest, _) = settle(world);
         let mut ws = StepWorkspace::new(world);
-        palpate_fem::assembly::assemble(world.model(), &rest, world.dt(), &[], &mut ws.fem);
-        let mut factor = Factor::new(Arc::clone(world.symbolic()));
-        let status = factor.refactor(&ws.fem.system).status;
-        if status != FactorStatus::Ok {
-            return Err(RunError::Factorization { status: format!("{status:?}") });
-        }
-        let factor = FactorSample { epoch: 0, step: 0, time: 0.0, q: rest.q.clone(), factor };
+        let factor = FactorSample::first(world, &rest, &mut ws)?;
         Ok(Self {
             world,
             state: StepState::new(world, rest),

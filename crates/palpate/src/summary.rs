@@ -1,5 +1,6 @@
 //! What a run was like: rates, tails of times, iterations, residuals.
 
+use std::fmt;
 use std::path::PathBuf;
 
 use hdrhistogram::Histogram;
@@ -62,8 +63,29 @@ pub enum RunEnd {
     Completed,
     /// The caller asked it to stop.
     Interrupted,
-    /// The body became non-finite; it was rolled back and the force set to zero.
+    /// The body became non-finite or was torn apart; it was rolled back and the force set to zero.
     BodyFailed,
+}
+
+impl fmt::Display for RunEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Completed => "completed",
+            Self::Interrupted => "interrupted",
+            Self::BodyFailed => "STOPPED: the body became non-finite or was torn apart, and was rolled back",
+        })
+    }
+}
+
+impl RunEnd {
+    /// Name in traces and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Completed => "completed",
+            Self::Interrupted => "interrupted",
+            Self::BodyFailed => "body_failed",
+        }
+    }
 }
 
 /// The summary of a run. Times in seconds, forces in newtons.
@@ -79,17 +101,17 @@ pub struct RunSummary {
     pub simulated: f64,
     /// Wall time (s); 0 in lockstep, where it means nothing.
     pub wall: f64,
-    /// Free nodes, tetrahedra of the body.
+    /// Nodes of the body, fixed ones included.
     pub nodes: usize,
     /// Tetrahedra of the body.
     pub tetrahedra: usize,
-    /// Steps, factors and ticks done.
+    /// Steps done.
     pub steps: u64,
-    /// Refreshes of the factor.
+    /// Refreshes of the factor, refused ones included.
     pub factors: u64,
     /// Ticks done.
     pub ticks: u64,
-    /// Rates reached (Hz): step, factor, tick; zero in lockstep.
+    /// Rate of the step thread (Hz); like the other rates 0 in lockstep.
     pub step_rate: f64,
     /// Rate of the factor thread (Hz).
     pub factor_rate: f64,

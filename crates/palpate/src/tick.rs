@@ -1,6 +1,7 @@
 //! The tick stage (1 kHz): device, latest snapshot, local contact problem, wrench; and the tool's pose for the step.
 
 use nalgebra::Isometry3;
+use palpate_haptics::SetupError;
 use palpate_haptics::device::{HapticDevice, TickTime};
 use palpate_haptics::exchange::{Reader, Writer};
 use palpate_haptics::run::run_tick;
@@ -29,7 +30,7 @@ pub struct TickReport {
 }
 
 /// The tick with everything that it reads and writes.
-pub(crate) struct Ticker {
+pub struct Ticker {
     tick: Tick,
     state: TickState,
     ws: TickWorkspace,
@@ -41,7 +42,20 @@ pub(crate) struct Ticker {
 }
 
 impl Ticker {
-    /// Opens the device of the scene.
+    /// Opens the device of the scene, for programs that bring their own loop: `snapshots` come from the step, `poses`
+    /// go to it. Nothing is traced.
+    ///
+    /// # Errors
+    /// A device that cannot be opened.
+    pub fn open(
+        world: &World,
+        snapshots: Reader<HapticSnapshot>,
+        poses: Writer<Isometry3<f64>>,
+    ) -> Result<Self, RunError> {
+        let device = devices::device(world.description()).map_err(|e| RunError::Device(e.to_string()))?;
+        Self::new(world, device, snapshots, poses, TickLine::none())
+    }
+
     pub(crate) fn new(
         world: &World,
         device: Box<dyn HapticDevice>,
@@ -50,27 +64,34 @@ impl Ticker {
         line: TickLine,
     ) -> Result<Self, RunError> {
         let scene = world.description();
-        let spec = device.spec();
+        // The scene's record of limits, which a preset replaces, not the one that the virtual device was made with.
+        let refused = |e: SetupError| RunError::Device(e.to_string());
+        let spec = devices::spec(&scene.device).map_err(refused)?;
         let config = TickConfig {
             period: 1.0 / scene.rates.tick,
             sweeps: scene.solver.tick_sweeps,
             tolerance: scene.solver.tick_tolerance,
-            coupling: devices::coupling(scene, spec),
+            coupling: devices::coupling(scene, &spec),
             limits: scene.limits,
         };
-        let tick = Tick::new(&config, spec).map_err(|e| RunError::Device(e.to_string()))?;
+        let tick = Tick::new(&config, &spec).map_err(refused)?;
         let contacts = world.detection().max_contacts;
         let (state, ws) = (TickState::new(contacts), TickWorkspace::new(contacts));
         Ok(Self { tick, state, ws, device, snapshots, poses, line, index: 0 })
     }
 
     /// Nominal time between ticks (s).
-    pub(crate) fn period(&self) -> f64 {
+    pub fn period(&self) -> f64 {
         self.tick.period()
     }
 
+    /// Time since the tick before (s); a period for the first.
+    pub(crate) fn since(&self, before: Option<f64>, time: f64) -> f64 {
+        before.map_or(self.period(), |before| time - before)
+    }
+
     /// One tick at `time` (s), `dt` seconds after the last: allocates nothing, takes no lock, has no panic path.
-    pub(crate) fn tick(&mut self, time: f64, dt: f64) -> TickRecord {
+    pub fn tick(&mut self, time: f64, dt: f64) -> TickRecord {
         let moment = TickTime { index: self.index, time, dt };
         self.index += 1;
         let device = self.device.as_mut();
@@ -85,9 +106,43 @@ impl Ticker {
     }
 
     /// Takes the force off and lets the device go.
-    pub(crate) fn rest(&mut self) {
+    pub fn rest(&mut self) {
         // A device that is gone already needs no zero force.
         let _ = self.device.write(Wrench::zero());
         self.device.close();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_haptics::exchange::latest;
+
+    use super::*;
+    use crate::scene::Scene;
+
+    const BLOCK: &str = r#"
+        name = "block"
+        [[body]]
+        name = "block"
+        block = { min = [0, 0, 0], max = [0.04, 0.04, 0.04], cells = [2, 2, 2] }
+        material = { law = "neo_hookean", young = 5e3, poisson = 0.4 }
+        fixed = [{ below = { axis = "z", at = 0.0 } }]
+        [[tool]]
+        name = "ball"
+        shape = { kind = "sphere", radius = 0.005 }
+        [device]
+        preset = "touch"
+        [hand]
+        path = [{ time = 0.0, position = [0.02, 0.02, 0.06] }]
+    "#;
+
+    #[test]
+    fn a_preset_of_the_device_limits_the_force() {
+        let world = Scene::from_toml(BLOCK, std::path::Path::new("")).unwrap().build().unwrap();
+        let (_, snapshots) = latest(&HapticSnapshot::new(1));
+        let (poses, _) = latest(&world.first_pose());
+        let device = devices::device(world.description()).unwrap();
+        let ticker = Ticker::new(&world, device, snapshots, poses, TickLine::none()).unwrap();
+        assert_eq!(ticker.tick.limits().max_force(), 3.3, "what CHAI3D states for the Touch (N)");
     }
 }

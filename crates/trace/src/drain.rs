@@ -1,5 +1,6 @@
 //! From the rings into the file, by whoever calls.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -21,6 +22,8 @@ pub(crate) struct Progress {
     failed: AtomicBool,
     /// The failure until somebody has taken it. Only the trace and its owner lock this, never a producer.
     unreported: Mutex<Option<Arc<TraceError>>>,
+    /// What the metadata record `end` will say. Only the trace and its owner lock this, never a producer.
+    end: Mutex<BTreeMap<String, String>>,
 }
 
 impl Progress {
@@ -35,6 +38,14 @@ impl Progress {
 
     pub(crate) fn take_failure(&self) -> Option<Arc<TraceError>> {
         self.unreported.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    pub(crate) fn set_end(&self, entries: BTreeMap<String, String>) {
+        *self.end.lock().unwrap_or_else(PoisonError::into_inner) = entries;
+    }
+
+    fn take_end(&self) -> BTreeMap<String, String> {
+        std::mem::take(&mut *self.end.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
@@ -132,7 +143,11 @@ impl<S: TraceSink> Drain<S> {
         self.drain();
         let dropped = self.rings.dropped.read();
         let entries = dropped.entries().map(|(ring, count)| (ring.to_owned(), count.to_string())).into();
-        let written = self.writer.as_mut().map(|writer| writer.write_metadata("dropped", entries));
+        let end = self.progress.take_end();
+        let written = self.writer.as_mut().map(|writer| {
+            writer.write_metadata("dropped", entries)?;
+            if end.is_empty() { Ok(()) } else { writer.write_metadata("end", end) }
+        });
         // After a failure the writer refuses this one too.
         if let (Some(Err(error)), None) = (written, &self.failure) {
             self.fail(error);
@@ -205,6 +220,11 @@ impl<S: TraceSink> InlineTrace<S> {
     /// Hands over a line of the log; `false` when it was dropped and counted.
     pub fn log(&mut self, record: LogRecord) -> bool {
         self.log.push(record)
+    }
+
+    /// Entries of the metadata record `end`, which is written when the file is closed.
+    pub fn set_end(&mut self, entries: BTreeMap<String, String>) {
+        self.drain.progress.set_end(entries);
     }
 
     /// How the trace stands.

@@ -1,5 +1,6 @@
 //! The trace thread: ordinary priority, wakes now and then, never woken by a producer.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -56,6 +57,11 @@ impl TraceThread {
     /// Hands over a line of the log; `false` when it was dropped and counted.
     pub fn log(&mut self, record: LogRecord) -> bool {
         self.log.push(record)
+    }
+
+    /// Entries of the metadata record `end`, which is written when the file is closed.
+    pub fn set_end(&mut self, entries: BTreeMap<String, String>) {
+        self.progress.set_end(entries);
     }
 
     /// How the trace stands.

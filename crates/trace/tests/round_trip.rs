@@ -63,6 +63,7 @@ impl Bits {
             flags: TickFlags(self.word() as u32),
             wake_latency_ns: self.count(),
             work_ns: self.count(),
+            force_jump: self.double(),
         }
     }
 
@@ -89,7 +90,6 @@ impl Bits {
             factor_age: self.double(),
             tool_force: self.doubles(),
             tool_torque: self.doubles(),
-            force_jump: self.double(),
             inverted_elements: self.count() as u32,
             filtered_elements: self.count() as u32,
             flags: StepFlags(self.word() as u32),
@@ -103,13 +103,14 @@ impl Bits {
 fn tick_bits(r: &TickRecord) -> Vec<u64> {
     let vectors = [r.device_position, r.device_velocity, r.device_angular_velocity, r.tool_position, r.force];
     let more = [r.torque, r.force_unlimited, [r.gap, r.residual, r.snapshot_age]];
-    let doubles = vectors.iter().chain(&more).flatten().chain(&r.device_orientation).chain(&r.tool_orientation);
+    let orientations = r.device_orientation.iter().chain(&r.tool_orientation);
+    let doubles = vectors.iter().chain(&more).flatten().chain(orientations).chain([&r.force_jump]);
     let counts = [r.tick, r.time_ns, r.contacts.into(), r.sweeps.into(), r.snapshot_step, r.flags.0.into()];
     doubles.map(|x| x.to_bits()).chain(counts).chain([r.wake_latency_ns, r.work_ns]).collect()
 }
 
 fn step_bits(r: &StepRecord) -> Vec<u64> {
-    let doubles = [r.dt, r.cg_residual, r.solver_residual, r.factor_age, r.force_jump];
+    let doubles = [r.dt, r.cg_residual, r.solver_residual, r.factor_age];
     let vectors = [r.tool_force, r.tool_torque, r.tool_position];
     let doubles = doubles.iter().chain(vectors.iter().flatten()).chain(&r.tool_orientation).map(|x| x.to_bits());
     let durations = [r.assembly_ns, r.free_motion_ns, r.detection_ns, r.compliance_ns, r.solver_ns];

@@ -115,7 +115,7 @@ fn program() -> Outcome {
         "liver",
         "--lockstep",
         "--steps",
-        "60",
+        "90",
         "--quiet",
         "--trace",
         &trace,

@@ -166,12 +166,6 @@ impl SymbolicFactor {
         self.supernodes.n_supernodes()
     }
 
-    /// Parent of each supernode in elimination order, [`NO_PARENT`](crate::ordering::NO_PARENT) at roots. Disjoint
-    /// subtrees are independent in factorisation and in forward substitution.
-    pub fn supernode_parents(&self) -> &[u32] {
-        self.tree.parents()
-    }
-
     pub(super) fn tree(&self) -> &SupernodeTree {
         &self.tree
     }

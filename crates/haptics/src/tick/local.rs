@@ -45,6 +45,8 @@ impl TickWorkspace {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Local {
     pub(super) wrench: Wrench,
+    /// Smallest gap at λ \[m\]; infinite without contacts.
+    pub(super) gap: f64,
     pub(super) contacts: u32,
     pub(super) active: u32,
     pub(super) sweeps: u32,
@@ -58,6 +60,7 @@ pub(super) struct Local {
 impl Local {
     pub(super) const EMPTY: Self = Self {
         wrench: Wrench { force: Vector3::new(0.0, 0.0, 0.0), torque: Vector3::new(0.0, 0.0, 0.0) },
+        gap: f64::INFINITY,
         contacts: 0,
         active: 0,
         sweeps: 0,
@@ -103,11 +106,14 @@ impl Problem<'_> {
 
         let carries = |start: usize| lambda.get(start).is_some_and(|normal| *normal != 0.0);
         let active = blocks.iter().filter(|block| carries(block.start)).count();
+        let gaps = blocks.iter().filter_map(|block| ws.solver.delta().get(block.start));
+        let gap = gaps.fold(f64::INFINITY, |least, gap| least.min(*gap));
         let wrench = wrench_of(tool_rows, lambda);
         let finite = ws.finite && report.residual.is_finite() && delta_free.iter().all(|gap| gap.is_finite());
         Local {
             finite,
             wrench,
+            gap,
             contacts: contacts as u32,
             active: active as u32,
             sweeps: report.iterations,

@@ -24,7 +24,7 @@ use crate::error::positive;
 use crate::limits::{Limits, LimitsConfig, LimitsState};
 use crate::record::{TickFlags, TickRecord};
 use crate::snapshot::HapticSnapshot;
-use crate::wrench::{Wrench, all_finite};
+use crate::wrench::{Twist, Wrench, all_finite};
 
 pub use local::TickWorkspace;
 use local::{Local, Problem};
@@ -84,6 +84,7 @@ pub struct TickState {
     /// Contact force of the snapshot that is about to be replaced, at the pose of this tick \[N\].
     outgoing: Option<Vector3<f64>>,
     device_pose: Isometry3<f64>,
+    device_velocity: Twist,
 }
 
 impl TickState {
@@ -98,6 +99,7 @@ impl TickState {
             age: f64::INFINITY,
             outgoing: None,
             device_pose: Isometry3::identity(),
+            device_velocity: Twist::default(),
         }
     }
 
@@ -196,10 +198,11 @@ impl Tick {
 
         let (sent, local) = if !is_pose(&sample.pose) {
             flags.set(TickFlags::BAD_POSE);
+            state.device_velocity = Twist::default();
             state.cut();
             (Wrench::zero(), Local::EMPTY)
         } else if snapshot.valid {
-            state.device_pose = sample.pose;
+            (state.device_pose, state.device_velocity) = (sample.pose, sample.velocity);
             let predicted = self.coupling.predict(&state.coupling, &sample.pose);
             let local = self.problem().solve(&mut state.warm_start, snapshot, &predicted, ws);
             flags.set_if(local.truncated, TickFlags::TRUNCATED);
@@ -216,7 +219,7 @@ impl Tick {
                 (sent, local)
             }
         } else {
-            state.device_pose = sample.pose;
+            (state.device_pose, state.device_velocity) = (sample.pose, sample.velocity);
             flags.set(if snapshot.step == 0 { TickFlags::NO_SNAPSHOT } else { TickFlags::INVALID_SNAPSHOT });
             state.coupling = self.coupling.settle(&state.coupling, &Wrench::zero());
             (self.limits.release(&mut state.limits, dt, &mut flags), Local::EMPTY)
@@ -239,6 +242,7 @@ impl Tick {
         let mut flags = TickFlags::DEVICE_ERROR;
         let (_, aged) = self.elapsed(state, time.dt, &mut flags);
         take_over(state, snapshot, aged, &mut flags);
+        state.device_velocity = Twist::default();
         state.cut();
         state.outgoing = None;
         let record = record(state, snapshot, time, Wrench::zero(), &Local::EMPTY, 0.0, flags);
@@ -298,9 +302,11 @@ fn record(
         index: time.index,
         time: time.time,
         device_pose: state.device_pose,
+        device_velocity: state.device_velocity,
         tool_pose: state.coupling.tool(&state.device_pose),
         wrench: sent,
         contact_wrench: local.wrench,
+        gap: local.gap,
         contacts: local.contacts,
         active: local.active,
         sweeps: local.sweeps,

@@ -1,5 +1,6 @@
 //! The range of every value of a scene.
 
+use palpate_constraints::law::{ContactLaw, Coulomb};
 use palpate_haptics::SetupError;
 use palpate_haptics::limits::Limits;
 use palpate_haptics::script::HandScript;
@@ -142,6 +143,7 @@ fn geometry(body: &BodyDescription, source: &Source<'_>) -> Checked {
 fn contact(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     let c = &scene.contact;
     not_negative(source, "contact.friction", c.friction, "")?;
+    Coulomb { friction: c.friction }.validate().map_err(|e| source.at("contact.friction", e.to_string(), e.remedy))?;
     not_negative(source, "contact.margin", c.margin, "m")?;
     not_negative(source, "contact.merge_distance", c.merge_distance, "m")?;
     at_least_one(source, "contact.max_contacts", c.max_contacts)?;

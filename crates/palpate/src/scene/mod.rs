@@ -145,10 +145,11 @@ impl Scene {
     /// A scale that is not a positive number.
     pub fn use_mesh(&mut self, path: &Path, scale: f64) -> Result<(), SceneError> {
         let path = std::path::absolute(path).unwrap_or_else(|_| path.into());
-        let body = &mut self.description.bodies[0];
-        (body.mesh, body.image, body.block, body.cell) = (Some(path.display().to_string()), None, None, None);
-        body.scale = scale;
-        self.rewrite()
+        self.edit(|description| {
+            let body = &mut description.bodies[0];
+            (body.mesh, body.image, body.block, body.cell) = (Some(path.display().to_string()), None, None, None);
+            body.scale = scale;
+        })
     }
 
     /// Changes the lattice constant (m) of the body's generated tetrahedra.
@@ -156,8 +157,7 @@ impl Scene {
     /// # Errors
     /// A cell that is not positive, or a body that is read from a mesh.
     pub fn use_cell(&mut self, cell: f64) -> Result<(), SceneError> {
-        self.description.bodies[0].cell = Some(cell);
-        self.rewrite()
+        self.edit(|description| description.bodies[0].cell = Some(cell))
     }
 
     /// Changes the description and checks it again.

@@ -17,7 +17,8 @@ pub enum StepStatus {
     /// The body moved on.
     #[default]
     Advanced,
-    /// The body would have become non-finite; it was put back to the state before the step.
+    /// The body would have become non-finite, or a node would have moved away from it by ten times its size; it was put
+    /// back to the state before the step.
     RolledBack,
 }
 

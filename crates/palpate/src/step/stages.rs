@@ -7,7 +7,7 @@ use palpate_constraints::compliance::rotate_rows;
 use palpate_constraints::law::{Coulomb, Law, Signorini};
 use palpate_constraints::rows::{RowInput, ToolMotion, build_rows};
 use palpate_fem::factor::{Factor, FactorStatus, ReachStatus};
-use palpate_fem::pcg::{PcgConfig, pcg};
+use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
 use palpate_fem::preconditioner::{WarpedPreconditioner, rotate};
 use palpate_fem::rotation::nodal_rotations;
 use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
@@ -157,6 +157,19 @@ fn weighted(contact: &Contact, q: &[Vector3<f64>]) -> Vector3<f64> {
     contact.nodes.iter().zip(&contact.weights).filter_map(|(&n, w)| Some(q.get(n as usize)? * *w)).sum()
 }
 
+/// Motion of a node in one step, relative to the body's mean motion and to its size, beyond which the body is no longer
+/// one: tissue that folds and tears apart does so by growing powers, and is stopped long before its numbers overflow.
+const TORN: f64 = 10.0;
+
+/// True where all positions are finite and no node has left the body.
+fn is_whole(state: &StepState, nodes: &[u32], h: f64, size: f64) -> bool {
+    let velocities = || nodes.iter().map(|&n| state.fem.v[n as usize]);
+    let mean: Vector3<f64> = velocities().sum::<Vector3<f64>>() / nodes.len() as f64;
+    // Written so that NaN is not whole.
+    let near = velocities().all(|v| h * (v - mean).norm() <= TORN * size);
+    near && state.fem.q.iter().all(|q| q.iter().all(|x| x.is_finite()))
+}
+
 /// A solve that did not happen.
 pub(super) const NOT_SOLVED: SolveReport = SolveReport {
     status: SolveStatus::NotFinite,
@@ -167,7 +180,7 @@ pub(super) const NOT_SOLVED: SolveReport = SolveReport {
 };
 
 /// `v+ = v_free + h A⁻¹ Hᵀ lambda`, `q+ = q + h v+`, with the inverse that gave `W`; back to the state before where a
-/// number is not finite.
+/// number is not finite or the body is torn apart.
 pub(super) fn correct(
     world: &World,
     factor: &FactorSample,
@@ -197,8 +210,8 @@ pub(super) fn correct(
         state.fem.v[node] = v;
         state.fem.q[node] += h * v;
     }
-    let finite = state.fem.q.iter().all(|q| q.iter().all(|x| x.is_finite()));
-    if !finite || report.assembly.non_finite.is_some() {
+    let overflow = report.assembly.non_finite.is_some() || report.free_motion.status == PcgStatus::NonFinite;
+    if overflow || !is_whole(state, world.model().node_of_free(), h, ws.size) {
         state.roll_back();
         report.status = StepStatus::RolledBack;
         (report.force, report.torque) = (Vector3::zeros(), Vector3::zeros());

@@ -96,6 +96,8 @@ pub struct StepWorkspace {
     pub(super) gauss_seidel: GaussSeidelWorkspace,
     /// Factor of this step's own matrix, where the scene asks for exact compliance.
     pub(super) exact: Option<Factor>,
+    /// Diagonal of the body at rest (m).
+    pub(super) size: f64,
 }
 
 impl StepWorkspace {
@@ -136,6 +138,7 @@ impl StepWorkspace {
             lambda: vec![0.0; rows],
             gauss_seidel: GaussSeidelWorkspace::with_capacity(rows),
             exact: exact.then(|| Factor::new(Arc::clone(symbolic))),
+            size: world.mesh().bounding_box().diagonal(),
         }
     }
 }

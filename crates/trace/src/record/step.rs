@@ -5,7 +5,7 @@ use super::{flags, record};
 flags! {
     /// What a step met.
     StepFlags {
-        /// The step ended after its deadline.
+        /// Deadlines were missed since the step before.
         0 => OVERRUN;
         /// Contacts beyond the capacity were left out, the deepest kept.
         1 => CONTACTS_DROPPED;
@@ -13,12 +13,12 @@ flags! {
         2 => FREE_MOTION_UNCONVERGED;
         /// The contact solver spent its sweeps before reaching its tolerance.
         3 => CONTACT_UNCONVERGED;
-        /// The factor is older than its bound.
-        4 => STALE_FACTOR;
+        /// Exact compliance was asked for, and this step's matrix could not be factored.
+        4 => FACTOR_REFUSED;
         /// A body turned non-finite and was rolled back to its last good state.
         5 => ROLLED_BACK;
-        /// No factor was ready; another preconditioner stood in.
-        6 => NO_FACTOR;
+        /// There was no compliance: the step went on without contact.
+        6 => NO_COMPLIANCE;
     }
 }
 
@@ -29,7 +29,7 @@ record! {
     StepRecord = "Step" {
         /// Number of the step, from 0.
         1 => step: u64, "";
-        /// Time since the start of the run at the end of the step (ns).
+        /// Time since the start of the run at the begin of the step, when it took the pose of the tool (ns).
         2 => time_ns: u64, "ns";
         /// Step size (s).
         3 => dt: f64, "s";
@@ -57,9 +57,9 @@ record! {
         14 => cg_residual: f64, "";
         /// Sweeps of the contact solver.
         15 => solver_sweeps: u32, "";
-        /// Natural-map residual of the contact problem (m).
-        16 => solver_residual: f64, "m";
-        /// Row with the largest residual; -1 when there is none.
+        /// Natural-map residual of the contact problem, relative.
+        16 => solver_residual: f64, "";
+        /// First row of the contact with the largest residual; -1 when there is none.
         17 => worst_row: i32, "";
         /// Epoch of the factor in use.
         18 => factor_epoch: u64, "";
@@ -69,17 +69,15 @@ record! {
         20 => tool_force: [f64; 3], "N";
         /// Contact torque on the tool about its origin, world frame (N m).
         21 => tool_torque: [f64; 3], "N m";
-        /// Change of the rendered force at the latest new snapshot (N).
-        22 => force_jump: f64, "N";
         /// Elements with negative volume.
-        23 => inverted_elements: u32, "";
+        22 => inverted_elements: u32, "";
         /// Elements whose tangent was filtered to be definite.
-        24 => filtered_elements: u32, "";
+        23 => filtered_elements: u32, "";
         /// What the step met.
-        25 => flags: StepFlags, "";
+        24 => flags: StepFlags, "";
         /// Position of the tool that the step used (m).
-        26 => tool_position: [f64; 3], "m";
+        25 => tool_position: [f64; 3], "m";
         /// Its orientation `[x, y, z, w]`.
-        27 => tool_orientation: [f64; 4], "";
+        26 => tool_orientation: [f64; 4], "";
     }
 }

@@ -17,16 +17,18 @@ flags! {
         4 => NON_FINITE;
         /// The device did not answer.
         5 => DEVICE_MISSING;
-        /// The tick ended after its deadline.
+        /// Deadlines were missed since the tick before.
         6 => OVERRUN;
         /// Contacts beyond the capacity were left out.
         7 => CONTACTS_DROPPED;
         /// The contact solver spent its sweeps before reaching its tolerance.
         8 => UNCONVERGED;
-        /// The passivity controller added damping.
-        9 => DISSIPATING;
-        /// The device left its workspace or went past its speed limit.
-        10 => DEVICE_LIMITED;
+        /// The step marked its snapshot as not valid, or none has come yet: no force.
+        9 => NO_SNAPSHOT;
+        /// The device's pose was not finite, not a rotation, or beyond all bounds: no force.
+        10 => BAD_POSE;
+        /// A new snapshot was taken over.
+        11 => NEW_SNAPSHOT;
     }
 }
 
@@ -56,17 +58,18 @@ record! {
         9 => force: [f64; 3], "N";
         /// Torque sent to the device, after all limits (N m).
         10 => torque: [f64; 3], "N m";
-        /// Force before limits, fading and passivity control (N).
+        /// Force before limits and fading (N).
         11 => force_unlimited: [f64; 3], "N";
-        /// Smallest gap between tool and tissue (m); negative where they overlap, NaN when nothing is near.
+        /// Smallest gap that the contact problem leaves (m); negative where the solver has not closed it, NaN when
+        /// nothing is near.
         12 => gap: f64, "m";
         /// Number of active contacts.
         13 => contacts: u32, "";
         /// Sweeps of the contact solver.
         14 => sweeps: u32, "";
-        /// Natural-map residual of the contact problem (m).
-        15 => residual: f64, "m";
-        /// Step that the snapshot in use came from.
+        /// Natural-map residual of the contact problem, relative.
+        15 => residual: f64, "";
+        /// Number of the step that the snapshot in use came from, counted from 1; 0 before the first.
         16 => snapshot_step: u64, "";
         /// Age of that snapshot (s).
         17 => snapshot_age: f64, "s";
@@ -76,5 +79,7 @@ record! {
         19 => wake_latency_ns: u64, "ns";
         /// Time the tick worked (ns); 0 in lockstep.
         20 => work_ns: u64, "ns";
+        /// Change of the force before limits that a new snapshot brings at the same pose (N); 0 at other ticks.
+        21 => force_jump: f64, "N";
     }
 }

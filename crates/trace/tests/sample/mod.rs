@@ -55,6 +55,7 @@ pub(crate) fn tick(tick: u64) -> TickRecord {
         flags: if depth > 0.009 { TickFlags::FORCE_LIMITED | TickFlags::FADING } else { TickFlags::default() },
         wake_latency_ns: 0,
         work_ns: 0,
+        force_jump: if tick.is_multiple_of(TICKS_PER_STEP) { 0.02 } else { 0.0 },
     }
 }
 
@@ -74,10 +75,9 @@ pub(crate) fn step(step: u64) -> StepRecord {
         factor_age: 0.1 * (step % 3) as f64,
         tool_force: [0.0, 0.0, -time],
         tool_torque: [1e-4, -0.0, 0.0],
-        force_jump: 0.02,
         inverted_elements: 0,
         filtered_elements: 5,
-        flags: if step % 7 == 6 { StepFlags::STALE_FACTOR } else { StepFlags::default() },
+        flags: if step % 7 == 6 { StepFlags::FACTOR_REFUSED } else { StepFlags::default() },
         tool_position: [0.0, 0.0, 0.03],
         tool_orientation: [0.0, 0.0, 0.0, 1.0],
         ..StepRecord::default()

@@ -1,11 +1,18 @@
-//! Runs the scene that a lockstep trace carries again and compares every force, bit for bit.
+//! Runs the scene that a trace carries again and compares every force, bit for bit.
+//!
+//! A lockstep run is a function of its scene. A run in real time also depends on the moment at which each thread read
+//! what another had published; the records say which value it was, and the same calculations are done in an order that
+//! gives every one the values that it had.
+
+mod recorded;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use palpate_trace::{Trace, TraceError};
 
-use crate::record::SCENE;
+use crate::engine::workers;
+use crate::record::{END, LOCKSTEP, SCENE, TICKS};
 use crate::run::{Length, Observer, RunError, RunOptions, run};
 use crate::scene::{Scene, SceneError};
 use crate::tick::TickReport;
@@ -42,10 +49,10 @@ pub enum ReplayError {
         /// The trace.
         path: PathBuf,
     },
-    /// It was recorded against the real clock.
+    /// It was recorded against the real clock, and not every record is there.
     #[error(
-        "{path}: recorded in real time, where the moment at which a thread reads another's value differs from run to \
-         run; record with `palpate run SCENE --lockstep` to replay",
+        "{path}: recorded in real time, and records that a replay needs were dropped or cut off; record again with less \
+         load, or with `palpate run SCENE --lockstep`, which drops nothing",
         path = path.display()
     )]
     RealTime {
@@ -60,32 +67,31 @@ pub enum ReplayError {
     Run(#[from] RunError),
 }
 
-/// Runs the scene of a lockstep trace again.
+/// Runs the scene of a trace again.
 ///
 /// # Errors
-/// An unreadable trace, one without a scene, or one recorded in real time.
+/// An unreadable trace, one without a scene, or one recorded in real time that lacks records.
 pub fn replay(path: &Path) -> Result<ReplayReport, ReplayError> {
     let trace = Trace::load(path)?;
     let engine = trace.metadata.get("engine").cloned().unwrap_or_default();
     let entry = |key: &str| engine.get(key).map(String::as_str).unwrap_or_default();
-    if entry("mode") != "lockstep" {
-        return Err(ReplayError::RealTime { path: path.into() });
-    }
     let text = trace.attachment(SCENE).and_then(|bytes| std::str::from_utf8(bytes).ok());
     let (Some(text), Ok(seconds)) = (text, entry("seconds").parse::<f64>()) else {
         return Err(ReplayError::NoScene { path: path.into() });
     };
     let scene = Scene::from_trace(text, entry("embedded") == "true", Path::new(entry("folder")))?;
     let world = scene.build()?;
-    let options = RunOptions { length: Length::Seconds(seconds), lockstep: true, ..RunOptions::default() };
     let mut comparison = Comparison { recorded: &trace.ticks, next: 0, extra: 0, first: None, largest: 0.0 };
+    if entry("mode") != LOCKSTEP {
+        let complete = workers(None)?.install(|| recorded::again(&world, &trace, &mut comparison))?;
+        return if complete { Ok(comparison.report()) } else { Err(ReplayError::RealTime { path: path.into() }) };
+    }
+    // A run that was interrupted is as long as it came.
+    let ended = trace.metadata.get(END).and_then(|end| end.get(TICKS)?.parse::<u64>().ok());
+    let seconds = ended.map_or(seconds, |ticks| ticks as f64 / scene.description().rates.tick);
+    let options = RunOptions { length: Length::Seconds(seconds), lockstep: true, ..RunOptions::default() };
     run(&world, &options, &AtomicBool::new(false), &mut comparison)?;
-    Ok(ReplayReport {
-        ticks: trace.ticks.len(),
-        unmatched: comparison.extra + (trace.ticks.len() - comparison.next),
-        first_difference: comparison.first,
-        largest_difference: comparison.largest,
-    })
+    Ok(comparison.report())
 }
 
 struct Comparison<'a> {
@@ -94,6 +100,17 @@ struct Comparison<'a> {
     extra: usize,
     first: Option<u64>,
     largest: f64,
+}
+
+impl Comparison<'_> {
+    fn report(&self) -> ReplayReport {
+        ReplayReport {
+            ticks: self.recorded.len(),
+            unmatched: self.extra + (self.recorded.len() - self.next),
+            first_difference: self.first,
+            largest_difference: self.largest,
+        }
+    }
 }
 
 impl Observer for Comparison<'_> {

@@ -1,0 +1,92 @@
+//! `W = h² H A⁻¹ Hᵀ` of 10 and 30 frictional contacts on the liver: half solves over the reach of the rows, against full
+//! solves with all columns of `Hᵀ` at once.
+
+#![allow(clippy::print_stdout)]
+
+use criterion::Criterion;
+use nalgebra::DMatrix;
+use palpate::fem::factor::{Factor, FactorStatus, ReachWorkspace, SolveWorkspace};
+use palpate::fem::nodal_rows::NodalRows;
+use palpate::simulation::Simulation;
+use palpate::world::World;
+use std::sync::Arc;
+
+mod organ;
+use organ::patch::Patch;
+use organ::{CELLS, benches, liver_under_ball, measuring, nodes, paired_medians, press};
+
+/// Runs in turn for the printed ratio.
+const REPETITIONS: usize = 9;
+
+/// `W` by full solves.
+struct Full {
+    solve: SolveWorkspace,
+    columns: Vec<f64>,
+}
+
+impl Full {
+    fn compliance(&mut self, factor: &Factor, rows: &NodalRows, scale: f64, w: &mut DMatrix<f64>) {
+        self.columns.fill(0.0);
+        let n = self.columns.len() / rows.len();
+        for (r, column) in self.columns.chunks_exact_mut(n).enumerate() {
+            for (node, value) in rows.row(r) {
+                (0..3).for_each(|c| column[3 * node as usize + c] += value[c]);
+            }
+        }
+        assert!(factor.solve_columns(&mut self.columns, &mut self.solve).is_ok());
+        for (j, column) in self.columns.chunks_exact(n).enumerate() {
+            (0..rows.len()).for_each(|i| w[(i, j)] = scale * rows.dot(i, column));
+        }
+    }
+}
+
+fn measure(c: &mut Criterion, world: &World, simulation: &Simulation<'_>, contacts: usize) {
+    let patch = Patch::of(simulation, contacts);
+    let rows = &patch.rows;
+    let m = rows.len();
+    let mut factor = Factor::new(Arc::clone(world.symbolic()));
+    assert_eq!(factor.refactor(&simulation.workspace().fem.system).status, FactorStatus::Ok);
+    let h2 = world.dt() * world.dt();
+    let (mut w, mut w_full) = (DMatrix::zeros(m, m), DMatrix::zeros(m, m));
+    let mut reach = ReachWorkspace::new(world.symbolic(), m);
+    let solve = SolveWorkspace::with_columns(world.symbolic(), m);
+    let mut full = Full { solve, columns: vec![0.0; m * world.symbolic().degrees_of_freedom()] };
+
+    let repetitions = if measuring() { REPETITIONS } else { 1 };
+    let [by_reach, by_solves] = paired_medians(
+        repetitions,
+        || assert_eq!(factor.compliance_into(rows, h2, &mut w, &mut reach).rows, m),
+        || full.compliance(&factor, rows, h2, &mut w_full),
+    );
+    println!(
+        "{}, {} contacts ({} carry force): reach {:.2} ms, full solves {:.2} ms, ratio {:.1}; they differ by {:.0e}",
+        nodes(world),
+        patch.contacts(),
+        patch.active,
+        1e3 * by_reach,
+        1e3 * by_solves,
+        by_solves / by_reach,
+        (&w - &w_full).amax() / w_full.amax()
+    );
+
+    let mut group = c.benchmark_group(format!("compliance, {}", nodes(world)));
+    let contacts = patch.contacts();
+    group.bench_function(format!("{contacts} contacts, reach"), |b| {
+        b.iter(|| factor.compliance_into(rows, h2, &mut w, &mut reach));
+    });
+    group.bench_function(format!("{contacts} contacts, full solves"), |b| {
+        b.iter(|| full.compliance(&factor, rows, h2, &mut w_full));
+    });
+    group.finish();
+}
+
+fn main() {
+    // One worker: this stage of the step is sequential.
+    benches(1, |c| {
+        for cell in &CELLS[..2] {
+            let world = liver_under_ball(*cell);
+            let (simulation, _) = press(&world);
+            [10, 30].into_iter().for_each(|contacts| measure(c, &world, &simulation, contacts));
+        }
+    });
+}

@@ -1,0 +1,203 @@
+//! A run in real time once more, from what its trace says that each stage had.
+//!
+//! A step names the tool pose and the factor that it used, a factor the step whose matrix it is of, a tick the pose of
+//! the device, its time and the step whose snapshot it had. Steps are done when the first tick needs them, factors when
+//! their matrix is there.
+
+use nalgebra::{Isometry3, Quaternion, Translation3, Unit, Vector3};
+use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, HapticDevice, TickTime};
+use palpate_haptics::exchange::{Writer, latest};
+use palpate_haptics::snapshot::HapticSnapshot;
+use palpate_haptics::wrench::{Twist, Wrench};
+use palpate_trace::{FactorStatus, TickFlags, TickRecord, Trace};
+
+use super::Comparison;
+use crate::pace::seconds;
+use crate::record::TickLine;
+use crate::refresh::FactorSample;
+use crate::run::{Observer, RunError};
+use crate::settle::settle;
+use crate::step::{StepInput, StepState, StepStatus, StepWorkspace, step};
+use crate::tick::{TickReport, Ticker};
+use crate::world::World;
+
+/// Does every tick of the trace again and hands it to the comparison; false where a record is missing.
+pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_>) -> Result<bool, RunError> {
+    let (snapshot_writer, snapshots) = latest(&HapticSnapshot::new(world.detection().max_contacts));
+    let (poses, _) = latest(&world.first_pose());
+    let device = RecordedDevice { spec: DeviceSpec::virtual_device(0.0), ticks: trace.ticks.clone() };
+    let mut ticker = Ticker::new(world, Box::new(device), snapshots, poses, TickLine::none())?;
+    let mut steps = Steps::new(world, trace, snapshot_writer)?;
+    let mut before = None;
+    for (index, record) in trace.ticks.iter().enumerate() {
+        let complete = record.tick == index as u64 && steps.up_to(record.snapshot_step);
+        if !complete {
+            return Ok(false);
+        }
+        let time = seconds(record.time_ns);
+        let dt = ticker.since(before.replace(time), time);
+        let record = ticker.tick(time, dt);
+        comparison.tick(&TickReport { record, latency: 0.0, work: 0.0, overruns: 0 });
+    }
+    Ok(!trace.ticks.is_empty())
+}
+
+/// The steps of the trace, and the factors that later ones will want.
+struct Steps<'a> {
+    world: &'a World,
+    trace: &'a Trace,
+    state: StepState,
+    ws: StepWorkspace,
+    /// The factor in use first.
+    factors: Vec<FactorSample>,
+    snapshots: Writer<HapticSnapshot>,
+}
+
+impl<'a> Steps<'a> {
+    fn new(world: &'a World, trace: &'a Trace, snapshots: Writer<HapticSnapshot>) -> Result<Self, RunError> {
+        let (rest, _) = settle(world);
+        let mut ws = StepWorkspace::new(world);
+        let factors = vec![FactorSample::first(world, &rest, &mut ws)?];
+        Ok(Self { world, trace, state: StepState::new(world, rest), ws, factors, snapshots })
+    }
+
+    /// Goes on until `count` steps are done and the snapshot of the last is published; false where a record is missing.
+    fn up_to(&mut self, count: u64) -> bool {
+        while self.state.step < count {
+            if self.advance().is_none() {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// The next step.
+    fn advance(&mut self) -> Option<()> {
+        let number = self.state.step;
+        let record = self.trace.steps.get(usize::try_from(number).ok()?).filter(|record| record.step == number)?;
+        let in_use = self.factors.iter().position(|factor| factor.epoch == record.factor_epoch)?;
+        self.factors.drain(..in_use);
+        let time = seconds(record.time_ns);
+        let tool = pose(record.tool_position, record.tool_orientation);
+        let input = StepInput { time, tool, factor: self.factors.first()? };
+        let report = step(self.world, &input, &mut self.state, &mut self.ws, self.snapshots.value_mut());
+        self.snapshots.publish();
+        let made = |factor: &&palpate_trace::FactorRecord| {
+            factor.taken_step == number && factor.status == FactorStatus::Ready && report.status == StepStatus::Advanced
+        };
+        for factor in self.trace.factors.iter().filter(made) {
+            let (q, system) = (self.state.before(), &self.ws.fem.system);
+            let sample = FactorSample::new(self.world.symbolic(), factor.epoch, number, time, q, system);
+            self.factors.push(sample.ok()?);
+        }
+        Some(())
+    }
+}
+
+/// A device that measures what another one measured.
+struct RecordedDevice {
+    spec: DeviceSpec,
+    ticks: Vec<TickRecord>,
+}
+
+impl HapticDevice for RecordedDevice {
+    fn spec(&self) -> &DeviceSpec {
+        &self.spec
+    }
+
+    fn read(&mut self, tick: TickTime) -> Result<DeviceSample, DeviceError> {
+        let record = usize::try_from(tick.index).ok().and_then(|k| self.ticks.get(k)).ok_or(DeviceError::Closed)?;
+        if record.flags.contains(TickFlags::DEVICE_MISSING) {
+            return Err(DeviceError::Timeout);
+        }
+        let mut pose = pose(record.device_position, record.device_orientation);
+        if record.flags.contains(TickFlags::BAD_POSE) {
+            // The record holds the last good one.
+            pose.translation.vector.fill(f64::NAN);
+        }
+        let velocity = Twist { linear: record.device_velocity.into(), angular: record.device_angular_velocity.into() };
+        Ok(DeviceSample { time: tick.time, pose, velocity, buttons: 0 })
+    }
+
+    fn write(&mut self, _wrench: Wrench) -> Result<(), DeviceError> {
+        Ok(())
+    }
+
+    fn close(&mut self) {}
+}
+
+/// The pose with exactly these bits.
+fn pose(position: [f64; 3], orientation: [f64; 4]) -> Isometry3<f64> {
+    let rotation = Unit::new_unchecked(Quaternion::from_vector(orientation.into()));
+    Isometry3::from_parts(Translation3::from(Vector3::from(position)), rotation)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use crate::replay::{ReplayError, replay};
+    use crate::run::{Length, RunOptions, Unobserved, run};
+    use crate::scene::Scene;
+    use palpate_trace::{Trace, TraceConfig, TraceWriter};
+
+    /// A ball on a virtual device that is pressed into a block and slides along it.
+    const SLIDE: &str = r#"
+        name = "slide"
+        [[body]]
+        name = "block"
+        block = { min = [0, 0, 0], max = [0.04, 0.04, 0.04], cells = [3, 3, 3] }
+        rayleigh_stiffness = 0.005
+        material = { law = "neo_hookean", young = 5e3, poisson = 0.4 }
+        fixed = [{ below = { axis = "z", at = 0.0 } }]
+        [[tool]]
+        name = "ball"
+        shape = { kind = "sphere", radius = 0.008 }
+        [contact]
+        at = "faces"
+        friction = 0.3
+        [hand]
+        preset = "firm"
+        path = [
+            { time = 0.0, position = [0.015, 0.02, 0.05] },
+            { time = 0.4, position = [0.015, 0.02, 0.044] },
+            { time = 0.8, position = [0.025, 0.02, 0.044] },
+        ]
+    "#;
+
+    #[test]
+    fn a_run_in_real_time_replays_to_the_bit_and_notices_one_changed_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, copy) = (folder.path().join("run.mcap"), folder.path().join("copy.mcap"));
+        let world = Scene::from_toml(SLIDE, std::path::Path::new("")).unwrap().build().unwrap();
+        let options = RunOptions { length: Length::Seconds(0.9), trace: Some(path.clone()), ..RunOptions::default() };
+        let outcome = run(&world, &options, &AtomicBool::new(false), &mut Unobserved).unwrap();
+        assert!(outcome.summary.largest_force > 0.1, "{} N", outcome.summary.largest_force);
+        let report = replay(&path).unwrap();
+        assert!(report.is_identical(), "{report:?}");
+        assert_eq!(report.ticks as u64, outcome.summary.ticks);
+
+        // The last bit of one tool pose that a step used.
+        let mut trace = Trace::load(&path).unwrap();
+        let used = trace.steps.iter().position(|s| s.tool_force[2] > 0.0).unwrap();
+        let z = &mut trace.steps[used].tool_position[2];
+        *z = f64::from_bits(z.to_bits() ^ 1);
+        rewrite(&trace, &copy);
+        assert!(!replay(&copy).unwrap().is_identical());
+
+        trace.factors.remove(0);
+        rewrite(&trace, &copy);
+        assert!(matches!(replay(&copy), Err(ReplayError::RealTime { .. })), "a factor is missing");
+    }
+
+    fn rewrite(trace: &Trace, path: &std::path::Path) {
+        let mut engine = trace.metadata["engine"].clone();
+        engine.remove("start_unix_ns");
+        let config = TraceConfig { engine, attachments: trace.attachments.clone(), ..TraceConfig::default() };
+        let mut writer = TraceWriter::create(path, &config).unwrap();
+        trace.ticks.iter().for_each(|tick| writer.write_tick(tick).unwrap());
+        trace.steps.iter().for_each(|step| writer.write_step(step).unwrap());
+        trace.factors.iter().for_each(|factor| writer.write_factor(factor).unwrap());
+        assert!(writer.finish().2.is_none());
+    }
+}

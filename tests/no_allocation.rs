@@ -1,0 +1,145 @@
+//! Do step and tick allocate nothing once they have run for a while?
+
+mod block;
+
+use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
+use nalgebra::Isometry3;
+use palpate::constraints::compliance::ComplianceMethod;
+use palpate::fem::assembly::assemble;
+use palpate::haptics::exchange::latest;
+use palpate::haptics::script::ScriptKey;
+use palpate::haptics::snapshot::HapticSnapshot;
+use palpate::refresh::{FactorSample, refresh};
+use palpate::simulation::Simulation;
+use palpate::step::{StepInput, StepState, StepStatus, StepWorkspace, step};
+use palpate::tick::Ticker;
+use palpate::world::World;
+
+use block::{STEPS, pose};
+
+#[global_allocator]
+static ALLOCATOR: AllocDisabler = AllocDisabler;
+
+/// One worker: rayon's queue to the pool allocates when it is entered from outside, and not within.
+fn on_a_worker<R: Send>(work: impl FnOnce() -> R + Send) -> R {
+    rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(work)
+}
+
+/// Violations during `work` on this thread.
+fn violations(work: impl FnOnce()) -> u32 {
+    reset_violation_count();
+    assert_no_alloc(work);
+    violation_count()
+}
+
+fn worlds() -> impl Iterator<Item = (ComplianceMethod, f64, World)> {
+    let methods = [ComplianceMethod::Asynchronous, ComplianceMethod::Exact];
+    let pairs = methods.into_iter().flat_map(|method| [(method, 0.3), (method, 0.0)]);
+    pairs.map(|(method, friction)| {
+        let change = |scene: &mut palpate::scene::SceneDescription| {
+            scene.bodies[0].compliance = method;
+            scene.contact.friction = friction;
+            // The same press over and over.
+            let once = scene.hand.path.clone();
+            let later = |time: f64| move |key: &ScriptKey| ScriptKey { time: time + key.time, ..*key };
+            scene.hand.path = (0..11).flat_map(|n| once.iter().map(later(1.3 * f64::from(n)))).collect();
+        };
+        (method, friction, block::world(change))
+    })
+}
+
+#[test]
+fn the_guard_sees_an_allocation() {
+    assert!(violations(|| drop(std::hint::black_box(vec![0_u8; 64]))) > 0);
+}
+
+#[test]
+fn a_step_allocates_nothing_while_contacts_come_and_go() {
+    for (method, friction, world) in worlds() {
+        on_a_worker(|| {
+            let mut simulation = Simulation::new(&world).unwrap().refresh_every(3);
+            // One press warms up; the memory of the second is that of the first.
+            let (mut most, mut free, mut touching) = (0, 0, 0);
+            let mut press = |count: bool| {
+                for k in 0..STEPS {
+                    let report = simulation.step(&pose(k));
+                    if count {
+                        most = most.max(report.detection.contacts);
+                        free += usize::from(report.active == 0);
+                        touching += usize::from(report.active > 0);
+                    }
+                }
+            };
+            press(false);
+            let seen = violations(|| press(true));
+            assert_eq!(seen, 0, "{method:?}, friction {friction}");
+            assert!(most > 5 && free > 5 && touching > 30, "{most} contacts, {free} steps free, {touching} touching");
+        });
+    }
+}
+
+#[test]
+fn a_step_that_fails_allocates_nothing_either() {
+    let (_, _, world) = worlds().next().unwrap();
+    on_a_worker(|| {
+        let mut simulation = Simulation::new(&world).unwrap();
+        for k in 0..STEPS {
+            simulation.step(&pose(k));
+        }
+        let mut failed = 0;
+        let seen = violations(|| {
+            for k in 0..STEPS {
+                if k % 10 == 9 {
+                    simulation.state_mut().fem.v[200].x = f64::NAN;
+                }
+                failed += usize::from(simulation.step(&pose(k)).status == StepStatus::RolledBack);
+            }
+        });
+        assert_eq!((seen, failed), (0, 6));
+    });
+}
+
+/// The three stages of a lockstep run and the buffers between them, as the engine drives them.
+#[test]
+fn step_factor_and_tick_together_allocate_nothing_over_ten_thousand_ticks() {
+    for (method, friction, world) in worlds() {
+        on_a_worker(|| {
+            let rest = world.model().rest_state();
+            let mut ws = StepWorkspace::new(&world);
+            assemble(world.model(), &rest, world.dt(), &[], &mut ws.fem);
+            let first = FactorSample::new(world.symbolic(), 0, 0, 0.0, &rest.q, &ws.fem.system).unwrap();
+            let (mut port, mut factors) = refresh(&first, &ws.fem.system);
+            let mut state = StepState::new(&world, rest);
+            let capacity = world.detection().max_contacts;
+            let (mut snapshots, snapshot_reader) = latest(&HapticSnapshot::new(capacity));
+            let (pose_writer, mut poses) = latest::<Isometry3<f64>>(&world.first_pose());
+            let mut ticker = Ticker::open(&world, snapshot_reader, pose_writer).unwrap();
+            let (mut touching, mut free, mut refreshed, mut on, mut offs) = (0, 0, 0, false, 0);
+            let mut beat = |from: u64, to: u64| {
+                for index in from..to {
+                    let time = index as f64 * 1e-3;
+                    if index % 33 == 0 {
+                        if index % 99 == 0 {
+                            refreshed += usize::from(factors.refresh(|| time).is_some_and(|r| r.is_ok()));
+                            factors.want();
+                        }
+                        let input = StepInput { time, tool: *poses.latest(), factor: port.factor() };
+                        let report = step(&world, &input, &mut state, &mut ws, snapshots.value_mut());
+                        snapshots.publish();
+                        port.offer(report.step, time, state.before(), &ws.fem.system);
+                        offs += usize::from(on && report.active == 0);
+                        on = report.active > 0;
+                    }
+                    let record = ticker.tick(time, 1e-3);
+                    touching += usize::from(record.active > 0);
+                    free += usize::from(record.active == 0);
+                }
+            };
+            beat(0, 3300);
+            let seen = violations(|| beat(3300, 13_300));
+            assert_eq!(seen, 0, "{method:?}, friction {friction}");
+            println!("{method:?}, friction {friction}: {touching} ticks with force, {free} without, {offs} partings");
+            assert!(touching > 5000 && free > 500 && offs >= 4 && refreshed > 100, "{refreshed} factors");
+        });
+    }
+}
