@@ -171,7 +171,14 @@ fn device(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     }
     Limits::new(&scene.limits, &spec).map_err(|e| refused("limits", e))?;
     HandScript::new(scene.hand.path.clone()).map_err(|e| {
-        source.at("hand.path", e.to_string(), "give strictly increasing times from 0 and positions in metres")
+        let entry = match e {
+            SetupError::ScriptGap { entry, .. }
+            | SetupError::ScriptOrder { entry, .. }
+            | SetupError::ScriptNumber { entry, .. }
+            | SetupError::ScriptSpeed { entry, .. } => format!("hand.path.{entry}"),
+            _ => "hand.path".to_string(),
+        };
+        source.at(&entry, e.to_string(), "give strictly increasing times from 0 and positions in metres")
     })?;
     Ok(())
 }
