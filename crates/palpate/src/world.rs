@@ -14,9 +14,8 @@ use palpate_fem::closed_surface::ClosedSurface;
 use palpate_fem::factor::SymbolicFactor;
 use palpate_fem::format;
 use palpate_fem::image::LabelImage;
-use palpate_fem::material::MaterialError;
 use palpate_fem::mesh::{BoundingBox, MeshQuality, MeshWarning, TetMesh};
-use palpate_fem::model::{FemConfig, FemError, FemModel};
+use palpate_fem::model::{FemConfig, FemModel};
 use palpate_fem::stuffing::{Stuffing, StuffingReport, stuff_image, stuff_surface};
 use palpate_fem::surface::Surface;
 
@@ -204,7 +203,8 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     if config.fixed.is_empty() {
         warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
     }
-    let model = FemModel::new(&mesh, &config).map_err(|e| unusable_body(scene, &e))?;
+    let model = FemModel::new(&mesh, &config)
+        .map_err(|e| scene.at("body.0", e.to_string(), "correct the body's materials, density or fixed nodes"))?;
     let positions: Vec<_> = model.node_of_free().iter().map(|&n| mesh.nodes[n as usize]).collect();
     let symbolic = SymbolicFactor::new(model.pattern(), &positions)
         .map_err(|e| scene.at("body.0", e.to_string(), "use a smaller mesh"))?;
@@ -233,25 +233,6 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     };
     tool_outside(&world)?;
     Ok(world)
-}
-
-/// The place of a mistake in the body.
-fn unusable_body(scene: &Scene, error: &FemError) -> SceneError {
-    let FemError::Material { place, error: material } = error else {
-        return scene.at("body.0", error.to_string(), "correct the body's materials, density or fixed nodes");
-    };
-    let law = match place.strip_prefix("region `").and_then(|p| p.strip_suffix('`')) {
-        Some(region) => format!("body.0.regions.{region}"),
-        None => "body.0.material".to_string(),
-    };
-    let (key, remedy) = match material {
-        MaterialError::Young(_) => ("young", "give a positive modulus in pascals, such as 5e3"),
-        MaterialError::Poisson(_) => ("poisson", "give a ratio below 0.5, such as 0.45"),
-        MaterialError::ShearModulus(_) => ("mu", "give a positive modulus in pascals, such as 2e3"),
-        MaterialError::VolumeModulus { .. } => ("k0", "give a positive modulus in pascals, such as 2e4"),
-        MaterialError::ParameterPair => ("law", "give `young` and `poisson`"),
-    };
-    scene.at(&format!("{law}.{key}"), error.to_string(), remedy)
 }
 
 /// Tetrahedra, what is odd about them, and whether their unit is.
