@@ -6,7 +6,7 @@ use nalgebra::Isometry3;
 use palpate::prelude::*;
 
 /// Top of the bundled block and radius of its ball (m).
-const SKIN: f64 = 0.04;
+const SKIN: f64 = 0.03;
 const RADIUS: f64 = 0.012;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

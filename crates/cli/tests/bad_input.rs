@@ -156,7 +156,7 @@ fn an_unusable_mesh_is_told_with_its_own_file_and_line() {
         ),
         ("far.msh", one_element(CORNERS, "1\n1 4 2 1 1 1 2 3 9"), &["far.msh:13", "node 9", "correct the number"]),
         ("cut.msh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0".into(), &["cut.msh:5", "cut off"]),
-        ("text.msh", "not a mesh".into(), &["text.msh:1", "Gmsh .msh"]),
+        ("text.msh", "not a mesh".into(), &["text.msh:1", "expected $MeshFormat"]),
         ("skin.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".into(), &["skin.obj", "palpate mesh make"]),
     ];
     for (file, text, words) in cases {
