@@ -1,5 +1,7 @@
 //! Does a lockstep run give the same bits whenever and wherever it runs?
 
+#![allow(clippy::print_stdout)]
+
 mod block;
 
 use std::path::Path;

@@ -2,6 +2,8 @@
 //!
 //! No time is asserted: a shared machine keeps none.
 
+#![allow(clippy::print_stdout)]
+
 mod block;
 
 use std::path::Path;

@@ -3,6 +3,8 @@
 //! With exact compliance the factor only preconditions the free motion, so any two runs differ by what the conjugate
 //! gradients leave: `‖b − A dv‖ <= tol ‖b‖`.
 
+#![allow(clippy::print_stdout)]
+
 mod block;
 
 use nalgebra::Vector3;
