@@ -1,6 +1,6 @@
 //! Do step and tick allocate nothing once they have run for a while?
 
-#![allow(clippy::print_stdout)]
+#![allow(clippy::print_stdout)] // measured numbers, and why a test was skipped
 
 mod block;
 
