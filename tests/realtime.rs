@@ -2,7 +2,7 @@
 //!
 //! No time is asserted: a shared machine keeps none.
 
-#![allow(clippy::print_stdout)] // what was measured is part of the report
+#![allow(clippy::print_stdout)] // measured numbers, and why a test was skipped
 
 mod block;
 
