@@ -12,6 +12,10 @@ const FORCE: RGBColor = RGBColor(192, 57, 43);
 const SIDEWAYS: RGBColor = RGBColor(41, 98, 155);
 const DEPTH: RGBColor = RGBColor(39, 118, 82);
 
+/// Height of the strip that names the lines, and where it begins (pixels).
+const NAMES: i32 = 26;
+const LEFT: i32 = 82;
+
 /// Points drawn at most per line; more would only make the file larger.
 const POINTS: usize = 2500;
 
@@ -31,17 +35,17 @@ pub(crate) fn draw(path: &Path, title: &str, curves: &Curves) -> Result<(), Box<
     let root = SVGBackend::new(path, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
     let root = root.titled(title, ("sans-serif", 20))?;
-    let (top, bottom) = root.split_vertically(300);
+    let (top, bottom) = root.split_vertically(295);
     let end = curves.force.last().map_or(1.0, |p| p.0).max(1e-3);
     let millimetres = curves.depth.iter().map(|&(t, d)| (t, 1e3 * d)).collect();
     panel(
         &top,
         end,
-        "force on the hand [N]",
+        "force [N]",
         "",
         &[
-            ("force, every tick", FORCE, thin(&curves.force)),
-            ("friction, every step", SIDEWAYS, curves.friction.clone()),
+            ("on the hand, every tick", FORCE, thin(&curves.force)),
+            ("along the skin (friction), every step", SIDEWAYS, curves.friction.clone()),
         ],
     )?;
     panel(
@@ -49,7 +53,7 @@ pub(crate) fn draw(path: &Path, title: &str, curves: &Curves) -> Result<(), Box<
         end,
         "indentation [mm]",
         "time [s]",
-        &[("skin under the tool, from its place at rest", DEPTH, millimetres)],
+        &[("depth of the touched skin below its place at rest, every step", DEPTH, millimetres)],
     )?;
     root.present()?;
     Ok(())
@@ -64,8 +68,12 @@ fn panel(
     x_label: &str,
     lines: &[Line<'_>],
 ) -> Result<(), Box<dyn Error>> {
-    let mut chart = ChartBuilder::on(area)
-        .margin(10)
+    let (names, area) = area.split_vertically(NAMES);
+    legend(&names, lines)?;
+    let mut chart = ChartBuilder::on(&area)
+        .margin_left(10)
+        .margin_right(25)
+        .margin_bottom(5)
         .x_label_area_size(40)
         .y_label_area_size(70)
         .build_cartesian_2d(0.0..end, range(lines))?;
@@ -75,20 +83,23 @@ fn panel(
         .y_desc(y_label)
         .x_desc(x_label)
         .label_style(("sans-serif", 14))
+        .axis_desc_style(("sans-serif", 15))
         .draw()?;
-    for (name, color, points) in lines {
-        let color = *color;
-        chart
-            .draw_series(LineSeries::new(points.iter().copied(), color.stroke_width(2)))?
-            .label(*name)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
+    for (_, color, points) in lines {
+        chart.draw_series(LineSeries::new(points.iter().copied(), color.stroke_width(2)))?;
     }
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::UpperRight)
-        .background_style(WHITE.mix(0.8))
-        .label_font(("sans-serif", 14))
-        .draw()?;
+    Ok(())
+}
+
+/// The names of the lines in a strip of their own above the chart, where they cover no curve.
+fn legend(area: &DrawingArea<SVGBackend<'_>, Shift>, lines: &[Line<'_>]) -> Result<(), Box<dyn Error>> {
+    let mut x = LEFT;
+    for (name, color, _) in lines {
+        let y = NAMES / 2;
+        area.draw(&PathElement::new([(x, y), (x + 22, y)], color.stroke_width(3)))?;
+        area.draw(&Text::new(*name, (x + 30, y - 7), ("sans-serif", 14)))?;
+        x += 60 + 8 * i32::try_from(name.len())?;
+    }
     Ok(())
 }
 
