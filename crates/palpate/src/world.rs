@@ -256,13 +256,18 @@ fn load(scene: &Scene) -> Result<(TetMesh, Vec<String>), SceneError> {
     Ok((mesh, warnings))
 }
 
+/// True where the name of a file is that of a closed surface rather than a label image.
+pub(crate) fn is_surface(name: &str) -> bool {
+    let extension = Path::new(name).extension().and_then(|e| e.to_str()).unwrap_or_default();
+    ["stl", "obj", "ply"].iter().any(|known| extension.eq_ignore_ascii_case(known))
+}
+
 /// Makes tetrahedra from a closed surface (STL, OBJ, PLY: in units of `scale` metres) or a label image.
 ///
 /// # Errors
 /// A file that cannot be read, a surface that is not closed, a cell that does not suit.
 pub fn make(path: &Path, scale: f64, stuffing: &Stuffing) -> Result<(TetMesh, StuffingReport), SceneError> {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    Ok(if matches!(extension.as_str(), "stl" | "obj" | "ply") {
+    Ok(if path.to_str().is_some_and(is_surface) {
         stuff_surface(&ClosedSurface::from_path(path, scale)?, stuffing)?
     } else {
         stuff_image(&LabelImage::from_path(path)?, stuffing)?

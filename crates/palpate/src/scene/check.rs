@@ -121,6 +121,11 @@ fn geometry(body: &BodyDescription, source: &Source<'_>) -> Checked {
         }
         _ => {}
     }
+    let surface = body.image.as_deref().is_some_and(crate::world::is_surface);
+    if body.image.is_some() && !surface && body.scale != 1.0 {
+        let message = format!("scale = {} with a label image, which states the size of its voxels itself", body.scale);
+        return Err(source.at("body.0.scale", message, "remove it"));
+    }
     if let Some(block) = &body.block {
         finite(source, "body.0.block", &block.min)?;
         finite(source, "body.0.block", &block.max)?;
