@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+use crate::exit;
+
 const EXAMPLES: &str = "Examples:
   palpate run liver                          press a human liver for ten seconds, in real time
   palpate run liver --lockstep --steps 90    the same in virtual time: equal bits on every run
@@ -11,11 +13,16 @@ const EXAMPLES: &str = "Examples:
   palpate check my_scene.toml                find mistakes, print what was understood
   palpate mesh organ.msh                     size, quality and faults of a mesh
   palpate mesh make liver.inr.gz --cell 10mm --out organ.vtu
-  palpate replay liver.mcap                  run a lockstep trace again and compare every force";
+  palpate replay liver.mcap                  run a trace again and compare every force";
 
 /// Real-time haptic simulation of soft tissue.
 #[derive(Debug, Parser)]
-#[command(name = "palpate", version, about, after_help = EXAMPLES)]
+#[command(
+    name = "palpate",
+    version,
+    about = "Real-time haptic simulation of soft tissue",
+    after_help = format!("{EXAMPLES}\n\n{}", exit::HELP)
+)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -23,9 +30,10 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Run a scene: a file, or the name of a bundled scene.
+    /// Run a scene: a file, or the name of a bundled scene. Files of an earlier run are overwritten.
+    #[command(after_help = exit::HELP)]
     Run(RunArguments),
-    /// Validate a scene and print what was understood.
+    /// Validate a scene and print what was understood; runs and writes nothing.
     Check {
         /// Scene file or name of a bundled scene.
         scene: String,
@@ -35,7 +43,7 @@ pub(crate) enum Command {
     Mesh(MeshArguments),
     /// List the bundled scenes.
     Scenes,
-    /// Run a recorded trace again in lockstep and compare every force with the record.
+    /// Run the scene of a trace again and compare every force with the record, to the bit.
     Replay {
         /// The trace.
         trace: PathBuf,
@@ -50,36 +58,36 @@ pub(crate) struct RunArguments {
     #[arg(long, value_name = "FILE")]
     pub(crate) mesh: Option<PathBuf>,
     /// Factor from the unit of `--mesh` to metres (0.001 for millimetres).
-    #[arg(long, value_name = "FACTOR", requires = "mesh")]
+    #[arg(long, value_name = "FACTOR", requires = "mesh", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) scale: Option<f64>,
     /// Lattice constant of generated tetrahedra, with a unit: 12mm, 0.9cm, 0.01 (metres).
     #[arg(long, value_name = "LENGTH", value_parser = length, conflicts_with = "mesh")]
     pub(crate) cell: Option<f64>,
     /// Simulated seconds; the scene's own length by default.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) seconds: Option<f64>,
     /// Number of steps, in place of seconds.
-    #[arg(long, value_name = "N", conflicts_with = "seconds")]
+    #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) steps: Option<u64>,
-    /// Run in virtual time on one thread: repeatable to the last bit.
+    /// Run in virtual time: repeatable to the last bit, whatever the machine and the number of workers.
     #[arg(long)]
     pub(crate) lockstep: bool,
     /// Worker threads of the step; all cores by default.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,
     /// Write no trace and no picture.
     #[arg(long, conflicts_with = "trace")]
     pub(crate) no_trace: bool,
-    /// Trace file; `SCENE.mcap` by default. The picture lies beside it.
+    /// Trace file (MCAP), by default the name of the scene with .mcap. The picture lies beside it, with .svg.
     #[arg(long, value_name = "FILE")]
     pub(crate) trace: Option<PathBuf>,
     /// Write the end state of the body as VTU.
     #[arg(long = "final", value_name = "FILE")]
     pub(crate) final_state: Option<PathBuf>,
-    /// Write one row per step as CSV.
+    /// Write one row per step as CSV: pose, wrench, contacts, residuals, iterations, work (0 in lockstep).
     #[arg(long, value_name = "FILE")]
     pub(crate) csv: Option<PathBuf>,
-    /// Print the summary as JSON instead of a table.
+    /// Print the summary as JSON instead of a table, and nothing else on standard output.
     #[arg(long)]
     pub(crate) json: bool,
     /// Print no progress line.
@@ -95,7 +103,7 @@ pub(crate) struct MeshArguments {
     #[arg(required = true)]
     pub(crate) file: Option<PathBuf>,
     /// Factor from the unit of the file to metres (0.001 for millimetres).
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
     pub(crate) scale: f64,
     /// Print the description as JSON.
     #[arg(long)]
@@ -118,12 +126,26 @@ pub(crate) enum MeshCommand {
         #[arg(long, value_name = "FILE")]
         out: PathBuf,
         /// Factor from the unit of a surface file to metres; label images carry their own spacing.
-        #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
-        scale: f64,
+        #[arg(long, value_name = "FACTOR", value_parser = positive, allow_negative_numbers = true)]
+        scale: Option<f64>,
         /// Overwrite the output.
         #[arg(long)]
         force: bool,
     },
+}
+
+/// A positive number.
+fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number".to_string())?;
+    if value > 0.0 && value.is_finite() { Ok(value) } else { Err("give a positive number".into()) }
+}
+
+/// A number of worker threads.
+fn threads(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n @ 1..=1024) => Ok(n),
+        _ => Err("give a number from 1 to 1024".into()),
+    }
 }
 
 /// A length with a unit, in metres.

@@ -2,10 +2,14 @@
 
 mod arguments;
 mod command;
+mod exit;
+mod output;
 mod picture;
 mod progress;
+mod step_table;
 mod table;
 
+use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use arguments::{Arguments, Command};
@@ -13,6 +17,12 @@ use clap::Parser;
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    // Only a terminal has a width to wrap at; a log keeps paths and messages whole. The hook is set once, so this
+    // cannot fail.
+    let wrap = std::io::stderr().is_terminal();
+    let _ = miette::set_hook(Box::new(move |_| {
+        Box::new(miette::MietteHandlerOpts::new().wrap_lines(wrap).break_words(false).build())
+    }));
     let outcome = match arguments.command {
         Command::Run(run) => command::run::run(&run),
         Command::Check { scene } => command::check::check(&scene),
@@ -20,11 +30,11 @@ fn main() -> ExitCode {
         Command::Scenes => command::scenes::scenes(),
         Command::Replay { trace } => command::replay::replay(&trace),
     };
-    match outcome {
-        Ok(code) => code,
-        Err(report) => {
+    outcome.map_or_else(
+        |report| {
             eprintln!("{report:?}");
-            ExitCode::from(2)
-        }
-    }
+            ExitCode::from(exit::MISTAKE)
+        },
+        ExitCode::from,
+    )
 }

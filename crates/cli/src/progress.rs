@@ -12,7 +12,7 @@ impl ProgressLine {
     /// A line for a run of `seconds`.
     pub(crate) fn new(seconds: f64) -> Self {
         let bar = ProgressBar::new((1e3 * seconds) as u64);
-        if let Ok(style) = ProgressStyle::with_template("{bar:24} {msg}") {
+        if let Ok(style) = ProgressStyle::with_template("{bar:12} {msg}") {
             bar.set_style(style);
         }
         Self { bar }
@@ -21,10 +21,10 @@ impl ProgressLine {
     pub(crate) fn show(&self, p: &Progress) {
         self.bar.set_position((1e3 * p.time) as u64);
         let rates = match p.rates {
-            Some([step, factor, tick]) => format!("{step:5.1} / {factor:4.1} / {tick:6.1} Hz"),
+            Some([step, factor, tick]) => format!("step {step:4.1}  factor {factor:4.1}  tick {tick:4.0} Hz"),
             None => "virtual time".into(),
         };
-        self.bar.set_message(format!("{:6.2} s  {rates}  {:2} contacts  {:5.2} N", p.time, p.contacts, p.force));
+        self.bar.set_message(format!("{:5.2} s  {rates}  {:2} contacts  {:4.2} N", p.time, p.contacts, p.force));
     }
 
     pub(crate) fn finish(&self) {

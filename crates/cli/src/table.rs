@@ -33,8 +33,11 @@ fn tails(s: &RunSummary) -> Table {
         let value = |v: f64| Cell::new(format!("{:.digits$}", v * scale)).set_alignment(CellAlignment::Right);
         table.add_row([Cell::new(name), value(p.p50), value(p.p99), value(p.p999), value(p.max)]);
     };
-    row("tick work [µs]", &s.tick_work, 1e6, 1);
-    row("tick wake-up latency [µs]", &s.tick_latency, 1e6, 1);
+    // Virtual time has no wake-ups, and its ticks are not timed.
+    if s.wall > 0.0 {
+        row("tick work [µs]", &s.tick_work, 1e6, 1);
+        row("tick wake-up latency [µs]", &s.tick_latency, 1e6, 1);
+    }
     row("step work [ms]", &s.step_work, 1e3, 2);
     row("factorisation [ms]", &s.factor_work, 1e3, 2);
     row("age of the factor [ms]", &s.factor_age, 1e3, 0);
@@ -53,7 +56,9 @@ fn facts(s: &RunSummary) -> Table {
         ]);
     }
     table.add_row(["steps / factors / ticks".to_string(), format!("{} / {} / {}", s.steps, s.factors, s.ticks)]);
-    table.add_row(["overruns: step / tick".to_string(), format!("{} / {}", s.step_overruns, s.tick_overruns)]);
+    if s.wall > 0.0 {
+        table.add_row(["overruns: step / tick".to_string(), format!("{} / {}", s.step_overruns, s.tick_overruns)]);
+    }
     table.add_row([
         "worst complementarity residual: step / tick".to_string(),
         format!("{:.2e} / {:.2e}", s.worst_residual, s.worst_tick_residual),

@@ -14,8 +14,9 @@ use palpate_fem::closed_surface::ClosedSurface;
 use palpate_fem::factor::SymbolicFactor;
 use palpate_fem::format;
 use palpate_fem::image::LabelImage;
+use palpate_fem::material::MaterialError;
 use palpate_fem::mesh::{BoundingBox, MeshQuality, MeshWarning, TetMesh};
-use palpate_fem::model::{FemConfig, FemModel};
+use palpate_fem::model::{FemConfig, FemError, FemModel};
 use palpate_fem::stuffing::{Stuffing, StuffingReport, stuff_image, stuff_surface};
 use palpate_fem::surface::Surface;
 
@@ -118,20 +119,23 @@ impl World {
             let _ = writeln!(text, "  region {name}: {count} tetrahedra, {}", material_of(body, name));
         }
         let _ = writeln!(text, "  dihedral angles {:.1}° to {:.1}°", q.dihedral[0], q.dihedral[2]);
-        let _ = writeln!(text, "tool {}: {:?}", d.tools[0].name, d.tools[0].shape);
+        let _ = writeln!(text, "tool {}: {}", d.tools[0].name, one_line(&d.tools[0].shape));
         let c = &d.contact;
         let _ = writeln!(
             text,
-            "contact at {:?} within {:.1} mm, friction {}, at most {} contacts",
-            c.at,
+            "contact at {} within {:.1} mm, friction {}, at most {} contacts",
+            format!("{:?}", c.at).to_lowercase(),
             c.margin * 1e3,
             c.friction,
             c.max_contacts
         );
         let _ = writeln!(
             text,
-            "rates: step {} Hz, factor {} Hz, tick {} Hz; compliance {:?}",
-            d.rates.step, d.rates.factor, d.rates.tick, body.compliance
+            "rates: step {} Hz, factor {} Hz, tick {} Hz; compliance {}",
+            d.rates.step,
+            d.rates.factor,
+            d.rates.tick,
+            format!("{:?}", body.compliance).to_lowercase()
         );
         let _ = write!(
             text,
@@ -147,7 +151,12 @@ impl World {
 }
 
 fn material_of(body: &crate::scene::BodyDescription, region: &str) -> String {
-    format!("{:?}", body.regions.get(region).unwrap_or(&body.material))
+    one_line(body.regions.get(region).unwrap_or(&body.material))
+}
+
+/// A value as a scene file would say it, on one line.
+fn one_line(value: &impl serde::Serialize) -> String {
+    toml::to_string(value).unwrap_or_default().trim_end().replace('\n', ", ")
 }
 
 fn first_pose(description: &SceneDescription) -> Isometry3<f64> {
@@ -157,9 +166,17 @@ fn first_pose(description: &SceneDescription) -> Isometry3<f64> {
 
 /// Builds the world of a checked scene.
 pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
+    let Loaded { mesh, warnings, unit } = load(scene)?;
+    // A wrong unit shows as tools inside the body, or as planes that hold every node.
+    assemble(scene, mesh, warnings).map_err(|error| match &unit {
+        Some(warning) => error.hint(&warning.to_string()),
+        None => error,
+    })
+}
+
+fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<World, SceneError> {
     let description = scene.description();
     let body = &description.bodies[0];
-    let (mesh, mut warnings) = load(scene)?;
     let quality = mesh.validate()?;
     warnings.extend(quality.warnings().iter().map(ToString::to_string));
     warnings.dedup();
@@ -184,8 +201,10 @@ pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
         filter: body.definiteness_filter,
         ..FemConfig::default()
     };
-    let model = FemModel::new(&mesh, &config)
-        .map_err(|e| scene.at("body.0", e.to_string(), "correct the body's materials, density or fixed nodes"))?;
+    if config.fixed.is_empty() {
+        warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
+    }
+    let model = FemModel::new(&mesh, &config).map_err(|e| unusable_body(scene, &e))?;
     let positions: Vec<_> = model.node_of_free().iter().map(|&n| mesh.nodes[n as usize]).collect();
     let symbolic = SymbolicFactor::new(model.pattern(), &positions)
         .map_err(|e| scene.at("body.0", e.to_string(), "use a smaller mesh"))?;
@@ -216,8 +235,34 @@ pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
     Ok(world)
 }
 
+/// The place of a mistake in the body.
+fn unusable_body(scene: &Scene, error: &FemError) -> SceneError {
+    let FemError::Material { place, error: material } = error else {
+        return scene.at("body.0", error.to_string(), "correct the body's materials, density or fixed nodes");
+    };
+    let law = match place.strip_prefix("region `").and_then(|p| p.strip_suffix('`')) {
+        Some(region) => format!("body.0.regions.{region}"),
+        None => "body.0.material".to_string(),
+    };
+    let (key, remedy) = match material {
+        MaterialError::Young(_) => ("young", "give a positive modulus in pascals, such as 5e3"),
+        MaterialError::Poisson(_) => ("poisson", "give a ratio below 0.5, such as 0.45"),
+        MaterialError::ShearModulus(_) => ("mu", "give a positive modulus in pascals, such as 2e3"),
+        MaterialError::VolumeModulus { .. } => ("k0", "give a positive modulus in pascals, such as 2e4"),
+        MaterialError::ParameterPair => ("law", "give `young` and `poisson`"),
+    };
+    scene.at(&format!("{law}.{key}"), error.to_string(), remedy)
+}
+
+/// Tetrahedra, what is odd about them, and whether their unit is.
+struct Loaded {
+    mesh: TetMesh,
+    warnings: Vec<String>,
+    unit: Option<MeshWarning>,
+}
+
 /// Reads the mesh, or makes it from an image or a closed surface.
-fn load(scene: &Scene) -> Result<(TetMesh, Vec<String>), SceneError> {
+fn load(scene: &Scene) -> Result<Loaded, SceneError> {
     let body = &scene.description().bodies[0];
     if let Some(name) = &body.mesh {
         let SceneFile::Path(path) = scene.file(name) else {
@@ -229,13 +274,16 @@ fn load(scene: &Scene) -> Result<(TetMesh, Vec<String>), SceneError> {
         };
         let file = format::read(&path)?;
         let scaled = body.scale != 1.0;
-        let said = file.warnings.iter().filter(|w| !(scaled && matches!(w, MeshWarning::Units { .. })));
-        let warnings = said.map(ToString::to_string).collect();
-        return Ok((file.mesh.scaled(body.scale)?, warnings));
+        let of_units = |w: &MeshWarning| matches!(w, MeshWarning::Units { .. });
+        let said = || file.warnings.iter().filter(|w| !(scaled && of_units(w)));
+        let warnings = said().map(ToString::to_string).collect();
+        let unit = said().find(|w| of_units(w)).cloned();
+        return Ok(Loaded { mesh: file.mesh.scaled(body.scale)?, warnings, unit });
     }
     if let Some(b) = &body.block {
         let axis = |c: usize| evenly(b.min[c], b.max[c], b.cells[c]);
-        return Ok((block(&axis(0), &axis(1), &axis(2)).scaled(body.scale)?, Vec::new()));
+        let mesh = block(&axis(0), &axis(1), &axis(2)).scaled(body.scale)?;
+        return Ok(Loaded { mesh, warnings: Vec::new(), unit: None });
     }
     let (Some(name), Some(cell)) = (&body.image, body.cell) else {
         return Err(scene.at("body.0", "the body has no geometry", "add `mesh` or `image` with `cell`"));
@@ -253,13 +301,13 @@ fn load(scene: &Scene) -> Result<(TetMesh, Vec<String>), SceneError> {
     // A few stray voxels are noise of the segmentation, not a region that somebody misses.
     let lost = report.regions.iter().filter(|r| r.tetrahedra == 0 && r.label_volume > 1e-4 * report.label_volume);
     warnings.extend(lost.map(|r| format!("the cells are too large for region {}: it has no tetrahedron", r.name)));
-    Ok((mesh, warnings))
+    Ok(Loaded { mesh, warnings, unit: None })
 }
 
-/// True where the name of a file is that of a closed surface rather than a label image.
-pub(crate) fn is_surface(name: &str) -> bool {
-    let extension = Path::new(name).extension().and_then(|e| e.to_str()).unwrap_or_default();
-    ["stl", "obj", "ply"].iter().any(|known| extension.eq_ignore_ascii_case(known))
+/// True for files of closed surfaces, by their ending; everything else is read as a label image.
+pub fn is_surface(path: &Path) -> bool {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    matches!(extension.as_str(), "stl" | "obj" | "ply")
 }
 
 /// Makes tetrahedra from a closed surface (STL, OBJ, PLY: in units of `scale` metres) or a label image.
@@ -267,7 +315,7 @@ pub(crate) fn is_surface(name: &str) -> bool {
 /// # Errors
 /// A file that cannot be read, a surface that is not closed, a cell that does not suit.
 pub fn make(path: &Path, scale: f64, stuffing: &Stuffing) -> Result<(TetMesh, StuffingReport), SceneError> {
-    Ok(if path.to_str().is_some_and(is_surface) {
+    Ok(if is_surface(path) {
         stuff_surface(&ClosedSurface::from_path(path, scale)?, stuffing)?
     } else {
         stuff_image(&LabelImage::from_path(path)?, stuffing)?

@@ -1,16 +1,13 @@
 //! `palpate check`.
 
-use std::process::ExitCode;
-
 use miette::Result;
 use palpate::scene::Scene;
 
-#[allow(clippy::print_stdout)]
-pub(crate) fn check(scene: &str) -> Result<ExitCode> {
+use crate::output::say;
+
+pub(crate) fn check(scene: &str) -> Result<u8> {
     let world = Scene::open(scene).map_err(super::report)?.build().map_err(super::report)?;
-    println!("{}", world.understood());
-    for warning in world.warnings() {
-        println!("warning: {warning}");
-    }
-    Ok(ExitCode::SUCCESS)
+    say(world.understood())?;
+    world.warnings().iter().try_for_each(|warning| say(format_args!("warning: {warning}")))?;
+    Ok(0)
 }

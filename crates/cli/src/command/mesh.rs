@@ -1,21 +1,20 @@
 //! `palpate mesh`.
 
 use std::path::Path;
-use std::process::ExitCode;
 
 use miette::{Report, Result, miette};
 use palpate::fem::format::{inspect, write_vtu};
 use palpate::fem::mesh::{MeshQuality, MeshWarning};
 use palpate::fem::stuffing::{Stuffing, StuffingReport};
-use palpate::world::make as make_mesh;
+use palpate::scene::SceneError;
+use palpate::world::{is_surface, make as make_mesh};
 use serde_json::json;
 
 use crate::arguments::{MeshArguments, MeshCommand};
+use crate::exit;
+use crate::output::{check_writable, say};
 
-/// Exit code of a mesh that cannot be simulated.
-const UNUSABLE: u8 = 5;
-
-pub(crate) fn mesh(arguments: &MeshArguments) -> Result<ExitCode> {
+pub(crate) fn mesh(arguments: &MeshArguments) -> Result<u8> {
     match (&arguments.make, &arguments.file) {
         (Some(MeshCommand::Make { image, cell, out, scale, force }), _) => make(image, *cell, out, *scale, *force),
         (None, Some(file)) => describe(file, arguments.scale, arguments.json),
@@ -24,8 +23,7 @@ pub(crate) fn mesh(arguments: &MeshArguments) -> Result<ExitCode> {
 }
 
 /// Prints size, quality and faults.
-#[allow(clippy::print_stdout)]
-fn describe(path: &Path, scale: f64, as_json: bool) -> Result<ExitCode> {
+fn describe(path: &Path, scale: f64, as_json: bool) -> Result<u8> {
     let file = inspect(path).map_err(failed)?;
     let scaled = scale != 1.0;
     let quality = if scaled { MeshQuality::measure(&file.mesh.scaled(scale).map_err(failed)?) } else { file.quality };
@@ -35,49 +33,61 @@ fn describe(path: &Path, scale: f64, as_json: bool) -> Result<ExitCode> {
     if as_json {
         let all =
             json!({ "format": file.format.to_string(), "quality": quality, "warnings": warnings, "refusal": refusal });
-        println!("{all:#}");
+        say(format_args!("{all:#}"))?;
     } else {
-        println!("{} ({})", path.display(), file.format);
-        println!("{quality}");
-        warnings.iter().for_each(|w| println!("warning: {w}"));
-        refusal.iter().for_each(|r| println!("refused: {r}"));
+        say(format_args!("{} ({})", path.display(), file.format))?;
+        say(quality.to_string().trim_end())?;
+        warnings.iter().try_for_each(|w| say(format_args!("warning: {w}")))?;
+        refusal.iter().try_for_each(|r| say(format_args!("refused: {r}")))?;
     }
-    Ok(if refusal.is_some() { ExitCode::from(UNUSABLE) } else { ExitCode::SUCCESS })
+    Ok(if refusal.is_some() { exit::UNUSABLE } else { 0 })
 }
 
 /// Makes tetrahedra from a label image or a closed surface.
-#[allow(clippy::print_stdout)]
-fn make(image: &Path, cell: f64, out: &Path, scale: f64, force: bool) -> Result<ExitCode> {
+fn make(image: &Path, cell: f64, out: &Path, scale: Option<f64>, force: bool) -> Result<u8> {
     if out.extension().is_none_or(|e| !e.eq_ignore_ascii_case("vtu")) {
         return Err(miette!(help = "name the output FILE.vtu", "{}: only VTU is written", out.display()));
     }
     if out.exists() && !force {
         return Err(miette!(help = "--force overwrites it", "{} exists already", out.display()));
     }
+    if scale.is_some() && !is_surface(image) {
+        let help = "leave --scale out; only surfaces (STL, OBJ, PLY) have no unit of their own";
+        return Err(miette!(help = help, "{}: a label image carries its own spacing", image.display()));
+    }
+    check_writable("--out", out)?;
     let stuffing = Stuffing { cell, ..Stuffing::default() };
-    let (mesh, report) = make_mesh(image, scale, &stuffing).map_err(super::report)?;
+    let (mesh, report) = make_mesh(image, scale.unwrap_or(1.0), &stuffing).map_err(|e| match e {
+        SceneError::Stuffing(e) if scale.is_none() && is_surface(image) => {
+            let help = "--scale 0.001 reads a surface in millimetres";
+            miette!(help = help, "{}: {e}", image.display())
+        }
+        other => super::report(other),
+    })?;
     write_vtu(out, &mesh, &[]).map_err(failed)?;
-    println!("{}", MeshQuality::measure(&mesh));
-    println!("{}", regions(&report));
-    println!("wrote {}", out.display());
-    Ok(ExitCode::SUCCESS)
+    say(MeshQuality::measure(&mesh).to_string().trim_end())?;
+    regions(&report).iter().try_for_each(say)?;
+    say(format_args!("wrote {}", out.display()))?;
+    Ok(0)
 }
 
 /// Volume of each label against that of its tetrahedra.
-fn regions(report: &StuffingReport) -> String {
+fn regions(report: &StuffingReport) -> Vec<String> {
     let line = |name: &str, made: f64, label: f64| {
         format!(
-            "{name}: {:.1} cm³ of {:.1} cm³ in the image ({:+.1} %)",
+            "{name}: {:.1} cm³ of {:.1} cm³ in the input ({:+.1} %)",
             made * 1e6,
             label * 1e6,
             100.0 * (made / label - 1.0)
         )
     };
-    let mut lines: Vec<_> = report.regions.iter().map(|r| line(&r.name, r.volume, r.label_volume)).collect();
+    // A few stray voxels are noise of the segmentation.
+    let named = report.regions.iter().filter(|r| r.tetrahedra > 0 || r.label_volume > 1e-4 * report.label_volume);
+    let mut lines: Vec<_> = named.map(|r| line(&r.name, r.volume, r.label_volume)).collect();
     if report.dropped_bodies > 0 {
         lines.push(format!("{} smaller parts left out, {:.2} cm³", report.dropped_bodies, report.dropped_volume * 1e6));
     }
-    lines.join("\n")
+    lines
 }
 
 fn failed(error: impl std::fmt::Display) -> Report {

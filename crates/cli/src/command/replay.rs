@@ -1,28 +1,26 @@
 //! `palpate replay`.
 
 use std::path::Path;
-use std::process::ExitCode;
 
 use miette::{Report, Result};
 use palpate::replay::replay as replay_trace;
 
-/// Exit code where a force differs.
-const DIFFERENT: u8 = 4;
+use crate::exit;
+use crate::output::say;
 
-#[allow(clippy::print_stdout)]
-pub(crate) fn replay(trace: &Path) -> Result<ExitCode> {
+pub(crate) fn replay(trace: &Path) -> Result<u8> {
     let report = replay_trace(trace).map_err(|e| Report::msg(e.to_string()))?;
+    let path = trace.display();
     if report.is_identical() {
-        println!("{}: {} ticks, every force and pose the same to the bit", trace.display(), report.ticks);
-        return Ok(ExitCode::SUCCESS);
+        say(format_args!("{path}: {} ticks, every force and pose the same to the bit", report.ticks))?;
+        return Ok(0);
     }
-    println!(
-        "{}: {} ticks, {} unmatched; first difference at tick {}, largest difference {:.3e} N",
-        trace.display(),
+    say(format_args!(
+        "{path}: {} ticks, {} unmatched; first difference at tick {}, largest difference {:.3e} N",
         report.ticks,
         report.unmatched,
         report.first_difference.map_or("none".into(), |t| t.to_string()),
         report.largest_difference
-    );
-    Ok(ExitCode::from(DIFFERENT))
+    ))?;
+    Ok(exit::DIFFERENT)
 }

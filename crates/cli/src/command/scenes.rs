@@ -1,15 +1,14 @@
 //! `palpate scenes`.
 
-use std::process::ExitCode;
-
 use miette::Result;
 use palpate::scene::{BUNDLED_SCENES, Scene};
 
-#[allow(clippy::print_stdout)]
-pub(crate) fn scenes() -> Result<ExitCode> {
+use crate::output::say;
+
+pub(crate) fn scenes() -> Result<u8> {
     for bundled in BUNDLED_SCENES {
         let scene = Scene::bundled(bundled.name).map_err(super::report)?;
-        println!("{:12} {}", bundled.name, scene.description().description);
+        say(format_args!("{:12} {}", bundled.name, scene.description().description))?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(0)
 }

@@ -9,8 +9,10 @@ pub struct BundledScene {
 }
 
 /// All bundled scenes.
-pub const BUNDLED_SCENES: &[BundledScene] =
-    &[BundledScene { name: "liver", text: include_str!("../../../../examples/scenes/liver.toml") }];
+pub const BUNDLED_SCENES: &[BundledScene] = &[
+    BundledScene { name: "liver", text: include_str!("../../../../examples/scenes/liver.toml") },
+    BundledScene { name: "block", text: include_str!("../../../../examples/scenes/block.toml") },
+];
 
 /// A file that bundled scenes name, embedded in the program.
 pub(super) fn bundled_file(name: &str) -> Option<&'static [u8]> {

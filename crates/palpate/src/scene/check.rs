@@ -1,6 +1,8 @@
 //! The range of every value of a scene.
 
 use palpate_constraints::law::{ContactLaw, Coulomb};
+use std::path::Path;
+
 use palpate_haptics::SetupError;
 use palpate_haptics::limits::Limits;
 use palpate_haptics::script::HandScript;
@@ -121,7 +123,7 @@ fn geometry(body: &BodyDescription, source: &Source<'_>) -> Checked {
         }
         _ => {}
     }
-    let surface = body.image.as_deref().is_some_and(crate::world::is_surface);
+    let surface = body.image.as_ref().is_some_and(|name| crate::world::is_surface(Path::new(name)));
     if body.image.is_some() && !surface && body.scale != 1.0 {
         let message = format!("scale = {} with a label image, which states the size of its voxels itself", body.scale);
         return Err(source.at("body.0.scale", message, "remove it"));
@@ -176,7 +178,14 @@ fn device(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     }
     Limits::new(&scene.limits, &spec).map_err(|e| refused("limits", e))?;
     HandScript::new(scene.hand.path.clone()).map_err(|e| {
-        source.at("hand.path", e.to_string(), "give strictly increasing times from 0 and positions in metres")
+        let entry = match e {
+            SetupError::ScriptGap { entry, .. }
+            | SetupError::ScriptOrder { entry, .. }
+            | SetupError::ScriptNumber { entry, .. }
+            | SetupError::ScriptSpeed { entry, .. } => format!("hand.path.{entry}"),
+            _ => "hand.path".to_string(),
+        };
+        source.at(&entry, e.to_string(), "give strictly increasing times from 0 and positions in metres")
     })?;
     Ok(())
 }

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// The file cannot be read.
-    #[error("{path}: {source}", path = path.display())]
+    #[error("{path}: {source}; name a scene file, or one of {}", bundled_names(), path = path.display())]
     Unreadable {
         /// The scene file.
         path: PathBuf,
@@ -75,6 +75,20 @@ impl SceneError {
         let (origin, text, message) = (origin.into(), text.into(), message.into());
         Self::Invalid(Box::new(InvalidScene { origin, text, span, line, column, message, remedy }))
     }
+
+    /// Adds something that may be behind the mistake to its remedy.
+    pub(crate) fn hint(mut self, hint: &str) -> Self {
+        if let Self::Invalid(invalid) = &mut self {
+            let remedy = invalid.remedy.take().map(|r| format!("{r}; ")).unwrap_or_default();
+            invalid.remedy = Some(format!("{remedy}{hint}"));
+        }
+        self
+    }
+}
+
+/// Names of the bundled scenes, for messages.
+pub(super) fn bundled_names() -> String {
+    super::BUNDLED_SCENES.iter().map(|s| s.name).collect::<Vec<_>>().join(", ")
 }
 
 /// The candidate that is spelled most like `word`, if any is near.

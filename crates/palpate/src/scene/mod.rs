@@ -18,6 +18,9 @@ pub use error::{InvalidScene, SceneError};
 use crate::world::World;
 use parse::Source;
 
+/// What follows the origin of a scene that was changed after it was read.
+const CHANGED: &str = " (as changed)";
+
 /// Where the files that a scene names are looked for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Files {
@@ -68,7 +71,7 @@ impl Scene {
         let Some(scene) = BUNDLED_SCENES.iter().find(|s| s.name == name) else {
             let remedy = match error::nearest(name, BUNDLED_SCENES.iter().map(|s| s.name)) {
                 Some(best) => format!("did you mean `{best}`?"),
-                None => "`palpate scenes` lists the bundled ones".into(),
+                None => format!("the bundled ones are {}", error::bundled_names()),
             };
             return Err(SceneError::Unknown { name: name.into(), remedy });
         };
@@ -139,17 +142,23 @@ impl Scene {
         }
     }
 
-    /// Takes the body's tetrahedra from another file.
+    /// Takes the body's tetrahedra from another file. Materials of regions that this mesh does not have are left out;
+    /// the answer names these regions.
     ///
     /// # Errors
-    /// A scale that is not a positive number.
-    pub fn use_mesh(&mut self, path: &Path, scale: f64) -> Result<(), SceneError> {
+    /// A mesh that cannot be read, a scale that is not a positive number.
+    pub fn use_mesh(&mut self, path: &Path, scale: f64) -> Result<Vec<String>, SceneError> {
+        let known = palpate_fem::format::read(path)?.mesh.region_names;
         let path = std::path::absolute(path).unwrap_or_else(|_| path.into());
+        let absent = |name: &String| !known.contains(name);
+        let left_out = self.description.bodies[0].regions.keys().filter(|name| absent(name)).cloned().collect();
         self.edit(|description| {
             let body = &mut description.bodies[0];
+            body.regions.retain(|name, _| !absent(name));
             (body.mesh, body.image, body.block, body.cell) = (Some(path.display().to_string()), None, None, None);
             body.scale = scale;
-        })
+        })?;
+        Ok(left_out)
     }
 
     /// Changes the lattice constant (m) of the body's generated tetrahedra.
@@ -173,7 +182,12 @@ impl Scene {
     fn rewrite(&mut self) -> Result<(), SceneError> {
         let text = toml::to_string(&self.description)
             .map_err(|e| SceneError::invalid(&self.origin, "", 0..0, format!("not expressible as TOML: {e}"), None))?;
-        *self = Self::parse(text, self.origin.clone(), self.files.clone())?;
+        // The places of later mistakes are places in the new text.
+        let origin = match self.origin.strip_suffix(CHANGED) {
+            Some(_) => self.origin.clone(),
+            None => format!("{}{CHANGED}", self.origin),
+        };
+        *self = Self::parse(text, origin, self.files.clone())?;
         Ok(())
     }
 
