@@ -1,5 +1,7 @@
 //! The tissue in a loop of one's own: a pose in, a force out, no device and no threads.
 
+#![allow(clippy::print_stdout)]
+
 use nalgebra::Isometry3;
 use palpate::prelude::*;
 

@@ -1,5 +1,7 @@
 //! A hand presses the bundled liver: the whole of Palpate in fifteen lines.
 
+#![allow(clippy::print_stdout)]
+
 use palpate::prelude::*;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
