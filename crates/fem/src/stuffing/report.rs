@@ -66,7 +66,7 @@ pub enum StuffingError {
     },
     /// The cell is larger than the body.
     #[error(
-        "cell = {cell} m is larger than the body's extent of {extent} m; use {usable} m or less (are the units right?)"
+        "cell = {cell} m is larger than the body's extent of {extent:.4} m; use {usable:.4} m or less (are the units right?)"
     )]
     CellTooLarge {
         /// The cell (m).
@@ -79,7 +79,7 @@ pub enum StuffingError {
     /// The lattice would exceed its limit.
     #[error(
         "cell = {cell} m needs {vertices:.0} lattice vertices, the limit is {MAX_LATTICE_VERTICES}; \
-         use {usable} m or more (are the units right?)"
+         use {usable:.4} m or more (are the units right?)"
     )]
     CellTooSmall {
         /// The cell (m).

@@ -12,9 +12,8 @@ use palpate_collision::contact::ContactSet;
 use palpate_collision::detection::{DetectionConfig, DetectionWorkspace, detect};
 use palpate_collision::shape::ToolShape;
 use palpate_fem::factor::SymbolicFactor;
-use palpate_fem::material::MaterialError;
 use palpate_fem::mesh::{MeshQuality, TetMesh};
-use palpate_fem::model::{FemConfig, FemError, FemModel};
+use palpate_fem::model::{FemConfig, FemModel};
 use palpate_fem::surface::Surface;
 
 use crate::scene::{Scene, SceneDescription, SceneError};
@@ -205,7 +204,8 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     if config.fixed.is_empty() {
         warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
     }
-    let model = FemModel::new(&mesh, &config).map_err(|e| unusable_body(scene, &e))?;
+    let model = FemModel::new(&mesh, &config)
+        .map_err(|e| scene.at("body.0", e.to_string(), "correct the body's materials, density or fixed nodes"))?;
     let positions: Vec<_> = model.node_of_free().iter().map(|&n| mesh.nodes[n as usize]).collect();
     let symbolic = SymbolicFactor::new(model.pattern(), &positions)
         .map_err(|e| scene.at("body.0", e.to_string(), "use a smaller mesh"))?;
@@ -234,25 +234,6 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     };
     tool_outside(&world)?;
     Ok(world)
-}
-
-/// The place of a mistake in the body.
-fn unusable_body(scene: &Scene, error: &FemError) -> SceneError {
-    let FemError::Material { place, error: material } = error else {
-        return scene.at("body.0", error.to_string(), "correct the body's materials, density or fixed nodes");
-    };
-    let law = match place.strip_prefix("region `").and_then(|p| p.strip_suffix('`')) {
-        Some(region) => format!("body.0.regions.{region}"),
-        None => "body.0.material".to_string(),
-    };
-    let (key, remedy) = match material {
-        MaterialError::Young(_) => ("young", "give a positive modulus in pascals, such as 5e3"),
-        MaterialError::Poisson(_) => ("poisson", "give a ratio below 0.5, such as 0.45"),
-        MaterialError::ShearModulus(_) => ("mu", "give a positive modulus in pascals, such as 2e3"),
-        MaterialError::VolumeModulus { .. } => ("k0", "give a positive modulus in pascals, such as 2e4"),
-        MaterialError::ParameterPair => ("law", "give `young` and `poisson`"),
-    };
-    scene.at(&format!("{law}.{key}"), error.to_string(), remedy)
 }
 
 /// Refuses a tool that begins inside the body: there is no skin that it came through.

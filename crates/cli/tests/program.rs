@@ -1,0 +1,243 @@
+//! What the program writes, and that it writes what it says.
+
+mod program_runs;
+
+use std::process::Stdio;
+
+use palpate::fem::format;
+use palpate::trace::Trace;
+use program_runs::{NODES, Place, SCENE};
+use serde_json::Value;
+
+#[test]
+fn a_run_writes_trace_picture_table_state_and_summary() {
+    let place = Place::new();
+    let run = place.run("run scene.toml --lockstep --csv steps.csv --final end.vtu --json");
+    assert_eq!(run.code, Some(0), "{run:?}");
+    assert_eq!(place.files(), ["end.vtu", "scene.toml", "small.mcap", "small.svg", "steps.csv"]);
+
+    // Standard output holds JSON and nothing else.
+    let summary: Value = serde_json::from_str(&run.out).unwrap();
+    assert_eq!(summary["end"], "completed");
+    assert_eq!(summary["mode"], "lockstep");
+    assert_eq!((&summary["steps"], &summary["ticks"]), (&30.into(), &1000.into()));
+    assert_eq!(summary["nodes"], NODES);
+    assert_eq!(summary["files"].as_array().unwrap().len(), 4);
+
+    let trace = Trace::load(&place.path("small.mcap")).unwrap();
+    assert_eq!((trace.steps.len(), trace.ticks.len()), (30, 1000));
+    let largest = trace.ticks.iter().map(|t| t.force.iter().map(|f| f * f).sum::<f64>().sqrt()).fold(0.0, f64::max);
+    assert!(largest > 0.05, "the ball presses with {largest} N");
+    let said = summary["largest_force"].as_f64().unwrap();
+    assert!((largest - said).abs() <= 1e-12 * said, "trace {largest} N, summary {said} N");
+
+    let mut table = csv::Reader::from_path(place.path("steps.csv")).unwrap();
+    assert_eq!(table.headers().unwrap().iter().collect::<Vec<_>>(), palpate::step::StepReport::COLUMNS);
+    let rows: Vec<Vec<f64>> =
+        table.records().map(|row| row.unwrap().iter().map(|v| v.parse().unwrap()).collect()).collect();
+    assert_eq!(rows.len(), 30);
+    let column = |name: &str| palpate::step::StepReport::COLUMNS.iter().position(|&c| c == name).unwrap();
+    for (k, row) in rows.iter().enumerate() {
+        assert_eq!(row[column("step")], k as f64);
+        assert!((row[column("time_s")] - k as f64 / 30.0).abs() < 1e-3, "step {k} at {} s", row[1]);
+        let force = ["force_x_n", "force_y_n", "force_z_n"].map(|c| row[column(c)]);
+        assert_eq!(force, trace.steps[k].tool_force, "step {k}: the table and the trace agree to the bit");
+        assert_eq!(row[column("work_s")], 0.0, "no wall time in lockstep");
+    }
+    assert!(rows.iter().any(|row| row[column("force_z_n")] > 0.05 && row[column("contacts")] >= 1.0));
+
+    let end = format::read(&place.path("end.vtu")).unwrap().mesh;
+    assert_eq!(end.nodes.len(), NODES);
+    assert!(end.nodes.iter().all(|x| x.iter().all(|c| c.is_finite())));
+    assert!(place.read("end.vtu").windows(12).any(|w| w == b"displacement"));
+
+    let picture = place.text("small.svg");
+    assert!(picture.starts_with("<svg") && picture.trim_end().ends_with("</svg>"));
+    for label in ["force [N]", "indentation [mm]", "time [s]", "friction"] {
+        assert!(picture.contains(label), "{label}");
+    }
+}
+
+#[test]
+fn equal_lockstep_runs_write_equal_files_with_any_number_of_workers() {
+    let place = Place::new();
+    for (name, threads) in [("a", 1), ("b", 2)] {
+        let files = format!("--trace {name}.mcap --csv {name}.csv --final {name}.vtu --threads {threads}");
+        assert_eq!(place.run(&format!("run scene.toml --lockstep --quiet {files}")).code, Some(0));
+    }
+    for ending in ["mcap", "csv", "vtu"] {
+        assert!(place.read(&format!("a.{ending}")) == place.read(&format!("b.{ending}")), "{ending}");
+    }
+    assert!(place.read("a.mcap").len() > 10_000);
+}
+
+#[test]
+fn a_lockstep_trace_replays_to_the_bit_and_one_that_was_tampered_with_does_not() {
+    let place = Place::new();
+    assert_eq!(place.run("run scene.toml --lockstep --steps 20").code, Some(0));
+    let replay = place.run("replay small.mcap");
+    assert_eq!(replay.code, Some(0), "{replay:?}");
+    assert!(replay.out.contains("667 ticks, every force and pose the same"), "{}", replay.out);
+
+    // The scene that the trace carries has its checksum beside it, so a change is found out.
+    let mut bytes = place.read("small.mcap");
+    let at = bytes.windows(14).position(|w| w == b"young = 10e3, ").unwrap();
+    bytes[at + 8] = b'2';
+    std::fs::write(place.path("changed.mcap"), bytes).unwrap();
+    let changed = place.run("replay changed.mcap");
+    assert!(matches!(changed.code, Some(2 | 4)), "{changed:?}");
+}
+
+#[test]
+fn a_step_count_and_seconds_end_the_run_where_they_say() {
+    let place = Place::new();
+    let json = |arguments: &str| -> Value {
+        let run = place.run(&format!("run scene.toml --lockstep --no-trace --json {arguments}"));
+        assert_eq!(run.code, Some(0), "{run:?}");
+        serde_json::from_str(&run.out).unwrap()
+    };
+    assert_eq!(json("--steps 7")["steps"], 7);
+    let half = json("--seconds 0.5");
+    assert_eq!((&half["steps"], &half["ticks"]), (&15.into(), &500.into()));
+    assert!(half["trace"].is_null() && half["files"] == Value::Array(vec![]));
+    assert_eq!(place.files(), ["scene.toml"]);
+}
+
+#[test]
+fn the_command_line_replaces_mesh_and_cells() {
+    let place = Place::new();
+    assert_eq!(place.run("run scene.toml --lockstep --steps 1 --no-trace --final other.vtu").code, Some(0));
+    let text = SCENE.replace("node_set = \"z_min\"", "below = { axis = \"z\", at = 0.001 }");
+    place.write(
+        "below.toml",
+        &text.replace(
+            "[[tool]]",
+            "[body.regions]\nbone = { law = \"neo_hookean\", young = 1e6, poisson = 0.4 }\n\n[[tool]]",
+        ),
+    );
+    let run = place.run("run below.toml --mesh other.vtu --lockstep --steps 3 --json --trace m.mcap");
+    assert_eq!(run.code, Some(0), "{run:?}");
+    assert!(run.err.contains("has no region `bone`"), "{}", run.err);
+    assert_eq!(place.run("replay m.mcap").code, Some(0));
+
+    let run = place.run("run liver --cell 40mm --lockstep --steps 1 --no-trace --json");
+    assert_eq!(run.code, Some(0), "{run:?}");
+    let nodes = serde_json::from_str::<Value>(&run.out).unwrap()["nodes"].as_u64().unwrap();
+    assert!((50..400).contains(&nodes), "{nodes} nodes");
+}
+
+#[test]
+fn check_says_what_was_understood_of_every_bundled_scene() {
+    let place = Place::new();
+    let listed = place.run("scenes");
+    assert_eq!(listed.code, Some(0));
+    for scene in palpate::scene::BUNDLED_SCENES {
+        assert!(listed.out.lines().any(|l| l.starts_with(scene.name)), "{}", listed.out);
+        let check = place.run(&format!("check {}", scene.name));
+        assert_eq!((check.code, check.err.as_str()), (Some(0), ""), "{check:?}");
+        for word in ["nodes", "kg", "young = ", "kind = ", "friction", "rates"] {
+            assert!(check.out.contains(word), "{word}: {}", check.out);
+        }
+        assert!(!check.out.contains("warning"), "{}", check.out);
+    }
+    assert_eq!(place.files(), ["scene.toml"]);
+}
+
+#[test]
+fn a_mesh_is_described_as_text_and_as_json() {
+    let place = Place::new();
+    place.run("run scene.toml --lockstep --steps 1 --no-trace --final block.vtu");
+    let text = place.run("mesh block.vtu");
+    assert_eq!(text.code, Some(0), "{text:?}");
+    assert!(text.out.contains(&format!("nodes            {NODES}")), "{}", text.out);
+    let json: Value = serde_json::from_str(&place.run("mesh block.vtu --json --scale 0.001").out).unwrap();
+    // 60 x 60 x 30 of what is taken for millimetres
+    let volume = json["quality"]["volume"].as_f64().unwrap();
+    assert!((volume / 1.08e-13 - 1.0).abs() < 0.02, "{volume:e} m³");
+}
+
+#[test]
+fn tetrahedra_are_made_from_a_closed_surface() {
+    let place = Place::new();
+    // An octahedron of 40 mm between its tips, in millimetres: volume 4/3 · 20³ mm³.
+    place.write(
+        "gem.obj",
+        "v 20 0 0\nv -20 0 0\nv 0 20 0\nv 0 -20 0\nv 0 0 20\nv 0 0 -20\nf 1 3 5\nf 3 2 5\nf 2 4 5\nf 4 1 5\n\
+         f 3 1 6\nf 2 3 6\nf 4 2 6\nf 1 4 6\n",
+    );
+    let made = place.run("mesh make gem.obj --scale 0.001 --cell 4mm --out gem.vtu");
+    assert_eq!(made.code, Some(0), "{made:?}");
+    let mesh = format::read(&place.path("gem.vtu")).unwrap();
+    let exact = 4.0 / 3.0 * 0.02_f64.powi(3);
+    assert!((mesh.quality.volume / exact - 1.0).abs() < 0.05, "{} of {exact} m³", mesh.quality.volume);
+    let again = place.run("mesh make gem.obj --scale 0.001 --cell 4mm --out gem.vtu");
+    assert!(again.code == Some(2) && again.err.contains("--force"), "{again:?}");
+    assert_eq!(place.run("mesh make gem.obj --scale 0.001 --cell 5mm --out gem.vtu --force").code, Some(0));
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_mistake() {
+    let place = Place::new();
+    for command in ["scenes", "check scene.toml", "run scene.toml --lockstep --steps 1 --no-trace --json", "--help"] {
+        let mut program = place.command(command);
+        let mut child = program.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        let err = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(0) && !err.contains("panicked"), "{command}: {:?} {err}", output.status);
+    }
+}
+
+/// Ctrl-C ends a run early; what was written up to there is whole.
+#[cfg(unix)]
+mod interrupt {
+    use std::process::{Child, Command};
+    use std::time::{Duration, Instant};
+
+    use palpate::replay::replay;
+
+    use super::*;
+
+    /// Waits until the run has begun: its trace has grown. Without an end of its own this would wait for ever.
+    fn begun(place: &Place, child: &mut Child) {
+        let start = Instant::now();
+        while place.path("small.mcap").metadata().map_or(0, |m| m.len()) < 20_000 {
+            assert!(child.try_wait().unwrap().is_none(), "the run ended by itself");
+            assert!(start.elapsed() < Duration::from_secs(60), "the run did not begin");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    fn interrupt(arguments: &str) {
+        let place = Place::new();
+        let mut command = place.command(&format!("run scene.toml --seconds 100000 --csv steps.csv --json {arguments}"));
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        begun(&place, &mut child);
+        let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        assert!(killed.success());
+        let run = program_runs::Outcome::new(child.wait_with_output().unwrap());
+        assert_eq!(run.code, Some(130), "{run:?}");
+        let summary: Value = serde_json::from_str(&run.out).unwrap();
+        assert_eq!(summary["end"], "interrupted");
+
+        let trace = Trace::load(&place.path("small.mcap")).unwrap();
+        let kept = summary["ticks"].as_u64().unwrap() - summary["trace"]["dropped"].as_u64().unwrap();
+        assert!(trace.ticks.len() as u64 >= kept && !trace.steps.is_empty(), "{} ticks", trace.ticks.len());
+        assert!(place.text("small.svg").trim_end().ends_with("</svg>"));
+        let rows = csv::Reader::from_path(place.path("steps.csv")).unwrap().records().map(Result::unwrap).count();
+        assert_eq!(rows as u64, summary["steps"].as_u64().unwrap());
+        if arguments.contains("--lockstep") {
+            assert!(replay(&place.path("small.mcap")).unwrap().is_identical());
+        }
+    }
+
+    #[test]
+    fn in_real_time() {
+        interrupt("");
+    }
+
+    #[test]
+    fn in_lockstep() {
+        interrupt("--lockstep");
+    }
+}
