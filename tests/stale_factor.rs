@@ -3,7 +3,7 @@
 //! With exact compliance the factor only preconditions the free motion, so any two runs differ by what the conjugate
 //! gradients leave: `‖b − A dv‖ <= tol ‖b‖`.
 
-#![allow(clippy::print_stdout)] // what was measured is part of the report
+#![allow(clippy::print_stdout)] // measured numbers, and why a test was skipped
 
 mod block;
 

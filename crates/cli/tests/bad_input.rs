@@ -193,7 +193,7 @@ fn a_mesh_in_millimetres_is_told_with_the_scale_that_mends_it() {
     let place = Place::new();
     assert_eq!(place.run("run scene.toml --lockstep --steps 1 --no-trace --final block.vtu").code, Some(0));
     let metres = palpate::fem::format::read(&place.path("block.vtu")).unwrap().mesh;
-    palpate::fem::format::write_vtu(&place.path("mm.vtu"), &metres.scaled(1000.0).unwrap(), &[]).unwrap();
+    palpate::fem::format::write_vtu(place.path("mm.vtu"), &metres.scaled(1000.0).unwrap(), &[]).unwrap();
     // Read as metres, the block swallows the tool: the refusal says what is likely behind it.
     place.write("scene.toml", &on_mesh("mm.vtu", ""));
     let run = refused_with(&place, "");

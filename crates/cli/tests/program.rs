@@ -24,7 +24,7 @@ fn a_run_writes_trace_picture_table_state_and_summary() {
     assert_eq!(summary["nodes"], NODES);
     assert_eq!(summary["files"].as_array().unwrap().len(), 4);
 
-    let trace = Trace::load(&place.path("small.mcap")).unwrap();
+    let trace = Trace::load(place.path("small.mcap")).unwrap();
     assert_eq!((trace.steps.len(), trace.ticks.len()), (30, 1000));
     let largest = trace.ticks.iter().map(|t| t.force.iter().map(|f| f * f).sum::<f64>().sqrt()).fold(0.0, f64::max);
     assert!(largest > 0.05, "the ball presses with {largest} N");
@@ -220,7 +220,7 @@ mod interrupt {
         let summary: Value = serde_json::from_str(&run.out).unwrap();
         assert_eq!(summary["end"], "interrupted");
 
-        let trace = Trace::load(&place.path("small.mcap")).unwrap();
+        let trace = Trace::load(place.path("small.mcap")).unwrap();
         let kept = summary["ticks"].as_u64().unwrap() - summary["trace"]["dropped"].as_u64().unwrap();
         assert!(trace.ticks.len() as u64 >= kept && !trace.steps.is_empty(), "{} ticks", trace.ticks.len());
         assert!(place.text("small.svg").trim_end().ends_with("</svg>"));

@@ -10,7 +10,8 @@
 //! tissue has only turned as a whole. The contact law holds exactly for any symmetric positive `W`; its error is one of
 //! accuracy, never of feasibility.
 
-use nalgebra::{DMatrix, Matrix3};
+use nalgebra::{DMatrixView, DMatrixViewMut, Matrix3};
+use palpate_fem::factor::{Factor, ReachStatus, ReachWorkspace};
 use palpate_fem::nodal_rows::NodalRows;
 use serde::{Deserialize, Serialize};
 
@@ -34,10 +35,34 @@ pub trait InverseRows {
     type Workspace;
 
     /// `w = scale H A⁻¹ Hᵀ` into a matrix of size `m x m`; false where there is no valid inverse.
-    fn compliance_into(&self, rows: &NodalRows, scale: f64, w: &mut DMatrix<f64>, ws: &mut Self::Workspace) -> bool;
+    fn compliance_into(
+        &self,
+        rows: &NodalRows,
+        scale: f64,
+        w: DMatrixViewMut<'_, f64>,
+        ws: &mut Self::Workspace,
+    ) -> bool;
 
     /// `x = A⁻¹ Hᵀ λ`, with the rows of the latest `compliance_into` on this workspace; false where that does not fit.
     fn correct(&self, lambda: &[f64], x: &mut [f64], ws: &mut Self::Workspace) -> bool;
+}
+
+impl InverseRows for Factor {
+    type Workspace = ReachWorkspace;
+
+    fn compliance_into(
+        &self,
+        rows: &NodalRows,
+        scale: f64,
+        w: DMatrixViewMut<'_, f64>,
+        ws: &mut ReachWorkspace,
+    ) -> bool {
+        Factor::compliance_into(self, rows, scale, w, ws).status == ReachStatus::Ok
+    }
+
+    fn correct(&self, lambda: &[f64], x: &mut [f64], ws: &mut ReachWorkspace) -> bool {
+        Factor::correct(self, lambda, x, ws).is_ok()
+    }
 }
 
 /// The inverse that a method uses.
@@ -101,28 +126,30 @@ pub fn rotate_rows(rows: &mut NodalRows, rotations: &[Matrix3<f64>]) {
     rows.map_values(|node, value| rotations.get(node as usize).map_or(value, |r| r.tr_mul(&value)));
 }
 
-/// Assembles `W = h² H A⁻¹ Hᵀ` [m/N] of the rows for the step `dt` \[s\].
-pub fn assemble<I: InverseRows>(
+/// Assembles `W = h² H A⁻¹ Hᵀ` (m/N) of the rows for the step `dt` (s) into the `m x m` matrix `w`.
+pub fn assemble<'w, I: InverseRows>(
     system: WarpedInverse<'_, I>,
     rows: &NodalRows,
     dt: f64,
-    w: &mut DMatrix<f64>,
+    w: impl Into<DMatrixViewMut<'w, f64>>,
     ws: &mut ComplianceWorkspace<I::Workspace>,
 ) -> ComplianceReport {
-    let h2 = dt * dt;
-    resize_square(w, rows.len());
+    let (h2, mut w) = (dt * dt, w.into());
+    if w.shape() != (rows.len(), rows.len()) {
+        return ComplianceReport { rows: rows.len(), diagonal: [0.0; 2], asymmetry: 0.0, usable: false };
+    }
     let valid = match system.rotations {
-        None => system.inverse.compliance_into(rows, h2, w, &mut ws.inverse),
+        None => system.inverse.compliance_into(rows, h2, w.as_view_mut(), &mut ws.inverse),
         Some(rotations) => {
             ws.rotated.clear();
             for r in 0..rows.len() {
                 ws.rotated.push_row(rows.row(r));
             }
             rotate_rows(&mut ws.rotated, rotations);
-            system.inverse.compliance_into(&ws.rotated, h2, w, &mut ws.inverse)
+            system.inverse.compliance_into(&ws.rotated, h2, w.as_view_mut(), &mut ws.inverse)
         }
     };
-    let report = report(w, rows.len());
+    let report = report(w.as_view());
     ComplianceReport { usable: report.usable && valid, ..report }
 }
 
@@ -148,21 +175,10 @@ pub fn correct<I: InverseRows>(
     true
 }
 
-/// Gives a square matrix another size, in its own memory where that suffices; its entries become zero.
-pub fn resize_square(w: &mut DMatrix<f64>, m: usize) {
-    if w.nrows() == m && w.ncols() == m {
-        w.fill(0.0);
-        return;
-    }
-    let mut values: Vec<f64> = std::mem::replace(w, DMatrix::zeros(0, 0)).data.into();
-    values.clear();
-    values.resize(m * m, 0.0);
-    *w = DMatrix::from_vec(m, m, values);
-}
-
-fn report(w: &DMatrix<f64>, rows: usize) -> ComplianceReport {
-    let mut report = ComplianceReport { rows, diagonal: [0.0; 2], asymmetry: 0.0, usable: w.shape() == (rows, rows) };
-    if rows == 0 || !report.usable {
+fn report(w: DMatrixView<'_, f64>) -> ComplianceReport {
+    let rows = w.nrows();
+    let mut report = ComplianceReport { rows, diagonal: [0.0; 2], asymmetry: 0.0, usable: true };
+    if rows == 0 {
         return report;
     }
     let (mut greatest, mut skew) = (0.0f64, 0.0f64);

@@ -40,7 +40,7 @@ impl<'w> Engine<'w> {
         let (pose_writer, pose_reader) = latest(&pose);
         let (snapshot_writer, snapshot_reader) = latest(&HapticSnapshot::new(world.detection().max_contacts));
         let device = crate::devices::device(world.description()).map_err(|e| RunError::Device(e.to_string()))?;
-        let (step_line, tick_line, refresh_trace, trace) = TraceLines::open(world, options)?;
+        let (step_line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, &mut notes)?;
         let ticker = Ticker::new(world, device, snapshot_reader, pose_writer, tick_line)?;
         let state = StepState::new(world, rest);
         let stage =

@@ -78,6 +78,7 @@ impl Gathering {
         self.active = report.active;
         self.step_overruns += u64::from(report.overruns);
         self.contacts_dropped += report.detection.dropped as u64;
+        self.factors_refused += u64::from(report.refused);
         self.filtered += u64::from(report.assembly.filtered);
         self.inverted += u64::from(report.assembly.inverted);
         self.worst_residual = self.worst_residual.max(report.solve.residual);

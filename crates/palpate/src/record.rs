@@ -1,18 +1,18 @@
 //! Reports of the stages on their way into the trace, and back out of it.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
 use palpate_collision::shape::ToolShape;
-use palpate_fem::factor::{FactorStatus, ReachStatus};
+use palpate_fem::factor::FactorStatus;
 use palpate_fem::model::FemState;
 use palpate_fem::pcg::PcgStatus;
 use palpate_haptics::record::TickFlags;
 use palpate_trace as trace;
 use palpate_trace::{
     Attachment, BodyGeometry, FactorTrace, InlineTrace, LogLevel, LogRecord, StepTrace, TickTrace, TraceConfig,
-    TraceThread,
+    TraceError, TraceThread,
 };
 use serde::Serialize;
 
@@ -58,11 +58,25 @@ pub(crate) enum TraceLines {
 type Lines = (StepLine, TickLine, FactorLine, Option<TraceLines>);
 
 impl TraceLines {
-    /// Opens the trace that the options name.
-    pub(crate) fn open(world: &World, options: &RunOptions) -> Result<Lines, RunError> {
-        let Some(path) = &options.trace else {
-            return Ok((StepLine(None), TickLine(None), FactorLine(None), None));
-        };
+    /// Opens the trace that the options name. A file that cannot be made is noted, and the run goes on without one.
+    pub(crate) fn open(world: &World, options: &RunOptions, notes: &mut Vec<String>) -> Result<Lines, RunError> {
+        match &options.trace {
+            None => Ok(Self::none()),
+            Some(path) => match Self::create(world, options, path) {
+                Err(error @ TraceError::Create { .. }) => {
+                    notes.push(format!("{error}; the run goes on without a trace"));
+                    Ok(Self::none())
+                }
+                lines => Ok(lines?),
+            },
+        }
+    }
+
+    fn none() -> Lines {
+        (StepLine(None), TickLine(None), FactorLine(None), None)
+    }
+
+    fn create(world: &World, options: &RunOptions, path: &Path) -> Result<Lines, TraceError> {
         let config = config(world, options);
         let (ticks, steps, factors, lines) = if options.lockstep {
             let (inline, ticks, steps, factors) = InlineTrace::create(path, &config)?;
@@ -183,7 +197,7 @@ impl StepLine {
         flags.set(trace::StepFlags::FREE_MOTION_UNCONVERGED, report.free_motion.status != PcgStatus::Converged);
         flags.set(trace::StepFlags::CONTACT_UNCONVERGED, !report.solve.is_solved());
         flags.set(trace::StepFlags::FACTOR_REFUSED, report.refused);
-        flags.set(trace::StepFlags::NO_COMPLIANCE, report.compliance != ReachStatus::Ok);
+        flags.set(trace::StepFlags::NO_COMPLIANCE, !report.compliance.usable);
         flags.set(trace::StepFlags::ROLLED_BACK, report.status == StepStatus::RolledBack);
         line.push(trace::StepRecord {
             step: report.step,

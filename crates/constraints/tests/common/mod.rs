@@ -1,7 +1,7 @@
 //! What the tests share: a block with a flat top, and a dense inverse.
 #![allow(dead_code, unreachable_pub)] // each test binary uses a part
 
-use nalgebra::{DMatrix, Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DMatrixViewMut, Isometry3, Translation3, UnitQuaternion, Vector3};
 use palpate_collision::{
     ContactKind, ContactSet, DetectionConfig, DetectionWorkspace, SurfaceGeometry, ToolShape, detect,
 };
@@ -82,7 +82,13 @@ impl DenseWorkspace {
 impl InverseRows for DenseInverse {
     type Workspace = DenseWorkspace;
 
-    fn compliance_into(&self, rows: &NodalRows, scale: f64, w: &mut DMatrix<f64>, ws: &mut DenseWorkspace) -> bool {
+    fn compliance_into(
+        &self,
+        rows: &NodalRows,
+        scale: f64,
+        mut w: DMatrixViewMut<'_, f64>,
+        ws: &mut DenseWorkspace,
+    ) -> bool {
         ws.rows.iter_mut().for_each(Vec::clear);
         for r in 0..rows.len() {
             if ws.rows.len() == r {

@@ -1,6 +1,8 @@
 //! The range of every value of a scene.
 
 use palpate_constraints::law::{ContactLaw, Coulomb};
+use std::path::Path;
+
 use palpate_haptics::SetupError;
 use palpate_haptics::limits::Limits;
 use palpate_haptics::script::HandScript;
@@ -120,6 +122,11 @@ fn geometry(body: &BodyDescription, source: &Source<'_>) -> Checked {
             ));
         }
         _ => {}
+    }
+    let surface = body.image.as_ref().is_some_and(|name| crate::world::is_surface(Path::new(name)));
+    if body.image.is_some() && !surface && body.scale != 1.0 {
+        let message = format!("scale = {} with a label image, which states the size of its voxels itself", body.scale);
+        return Err(source.at("body.0.scale", message, "remove it"));
     }
     if let Some(block) = &body.block {
         finite(source, "body.0.block", &block.min)?;

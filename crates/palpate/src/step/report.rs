@@ -2,9 +2,9 @@
 
 use nalgebra::{Isometry3, Vector3};
 use palpate_collision::detection::DetectionReport;
+use palpate_constraints::compliance::ComplianceReport;
 use palpate_constraints::rows::RowReport;
 use palpate_fem::assembly::AssemblyReport;
-use palpate_fem::factor::ReachStatus;
 use palpate_fem::pcg::{PcgReport, PcgStatus};
 use palpate_solver::report::SolveReport;
 
@@ -74,8 +74,8 @@ pub struct StepReport {
     pub detection: DetectionReport,
     /// Rows built from the contacts.
     pub rows: RowReport,
-    /// Whether `W` could be computed; without it the step goes on without contact.
-    pub compliance: ReachStatus,
+    /// `W`; where it is not usable the step goes on without contact.
+    pub compliance: ComplianceReport,
     /// True where exact compliance was asked for and this step's matrix could not be factored.
     pub refused: bool,
     /// Constraint solve.
@@ -129,7 +129,7 @@ impl StepReport {
                 tool_inside: false,
             },
             rows: RowReport::default(),
-            compliance: ReachStatus::Ok,
+            compliance: ComplianceReport { rows: 0, diagonal: [0.0; 2], asymmetry: 0.0, usable: true },
             refused: false,
             solve: NOT_SOLVED,
             active: 0,

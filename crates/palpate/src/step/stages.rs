@@ -1,14 +1,14 @@
 //! The stages of the step, each a few lines between the description, the state and the workspace.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Vector3};
 use palpate_collision::contact::Contact;
 use palpate_collision::detection::detect;
-use palpate_constraints::compliance::rotate_rows;
+use palpate_constraints::compliance::{self, ComplianceMethod, WarpedInverse};
 use palpate_constraints::law::{Coulomb, Law, Signorini};
 use palpate_constraints::rows::{RowInput, ToolMotion, build_rows};
-use palpate_fem::factor::{Factor, FactorStatus, ReachStatus};
+use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
-use palpate_fem::preconditioner::{WarpedPreconditioner, rotate};
+use palpate_fem::preconditioner::WarpedPreconditioner;
 use palpate_fem::rotation::nodal_rotations;
 use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
 use palpate_solver::gauss_seidel::{self, GaussSeidelConfig};
@@ -91,28 +91,32 @@ pub(super) fn rows(
     ws.problem.delta_free_mut().copy_from_slice(&ws.rows.delta_free);
 }
 
-/// `W = h² H A⁻¹ Hᵀ` from the latest factor, with the rows turned back into its frame, or from this step's own.
+/// `W = h² H A⁻¹ Hᵀ` from the latest factor, warped by the rotations since it was taken, or from this step's own.
 ///
-/// Where no factor can give it, the rows are dropped and the step goes on without contact; the report says so.
+/// Where this step's matrix cannot be factored, the latest factor serves, and the report says so. Where that cannot give
+/// `W` either, the step goes on without contact.
 pub(super) fn compliance(world: &World, factor: &FactorSample, ws: &mut StepWorkspace, report: &mut StepReport) {
-    report.compliance = ReachStatus::Ok;
     if ws.rows.is_empty() {
         return;
     }
-    let rotations = &ws.rotations;
-    let inverse = match &mut ws.exact {
-        Some(exact) => {
-            report.refused = exact.refactor(&ws.fem.system).status != FactorStatus::Ok;
-            &*exact
-        }
-        None => {
-            rotate_rows(&mut ws.rows.tissue, rotations);
-            &factor.factor
-        }
-    };
-    let h2 = world.dt() * world.dt();
-    let reach = inverse.compliance_into(&ws.rows.tissue, h2, ws.problem.compliance_mut(), &mut ws.reach);
-    report.compliance = reach.status;
+    if let Some(exact) = &mut ws.exact {
+        report.refused = exact.refactor(&ws.fem.system).status != FactorStatus::Ok;
+    }
+    let inverse = inverse(factor, ws.exact.as_ref(), &ws.rotations);
+    let w = ws.problem.compliance_mut();
+    report.compliance = compliance::assemble(inverse, &ws.rows.tissue, world.dt(), w, &mut ws.compliance);
+}
+
+/// What stands for `A⁻¹` in compliance and correction: this step's own factor where there is a valid one.
+fn inverse<'a>(
+    latest: &'a FactorSample,
+    exact: Option<&'a Factor>,
+    rotations: &'a [Matrix3<f64>],
+) -> WarpedInverse<'a, Factor> {
+    match exact.filter(|own| own.is_valid()) {
+        Some(own) => WarpedInverse::new(ComplianceMethod::Exact, own, rotations),
+        None => WarpedInverse::new(ComplianceMethod::Asynchronous, &latest.factor, rotations),
+    }
 }
 
 /// Contact forces by block Gauss-Seidel from those of the last step.
@@ -121,7 +125,7 @@ pub(super) fn solve(world: &World, state: &mut StepState, ws: &mut StepWorkspace
     let lambda = &mut ws.lambda[..m];
     lambda.fill(0.0);
     report.solve = SolveReport { status: SolveStatus::Solved, residual: 0.0, worst_gap: 0.0, ..NOT_SOLVED };
-    if m > 0 && report.compliance == ReachStatus::Ok {
+    if m > 0 && report.compliance.usable {
         let solver = &world.description().solver;
         let config = GaussSeidelConfig {
             tolerance: solver.tolerance,
@@ -193,18 +197,15 @@ pub(super) fn correct(
     let lambda = &ws.lambda[..ws.rows.len()];
     let touched = lambda.iter().any(|&l| l != 0.0);
     if touched {
-        let inverse: &Factor = ws.exact.as_ref().unwrap_or(&factor.factor);
-        let status = inverse.correct(lambda, &mut ws.correction, &mut ws.reach);
-        if !status.is_ok() {
+        let inverse = inverse(factor, ws.exact.as_ref(), &ws.rotations);
+        if !compliance::correct(inverse, lambda, h, &mut ws.correction, &mut ws.compliance) {
             ws.correction.fill(f64::NAN);
-        } else if ws.exact.is_none() {
-            rotate(&ws.rotations, &mut ws.correction);
         }
     }
     for (k, &node) in world.model().node_of_free().iter().enumerate() {
         let mut v = Vector3::new(ws.v_free[3 * k], ws.v_free[3 * k + 1], ws.v_free[3 * k + 2]);
         if touched {
-            v += h * Vector3::new(ws.correction[3 * k], ws.correction[3 * k + 1], ws.correction[3 * k + 2]);
+            v += Vector3::new(ws.correction[3 * k], ws.correction[3 * k + 1], ws.correction[3 * k + 2]);
         }
         let node = node as usize;
         state.fem.v[node] = v;
@@ -235,7 +236,7 @@ pub(super) fn hand_over(
     snapshot.tool_pose = input.tool;
     snapshot.factor_epoch = input.factor.epoch;
     snapshot.factor_age = report.factor_age;
-    let sound = report.status == StepStatus::Advanced && report.compliance == ReachStatus::Ok;
+    let sound = report.status == StepStatus::Advanced && report.compliance.usable;
     if !sound {
         return;
     }

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::contact::ContactSet;
 use palpate_collision::detection::DetectionWorkspace;
-use palpate_constraints::compliance::ComplianceMethod;
+use palpate_constraints::compliance::{ComplianceMethod, ComplianceWorkspace};
 use palpate_constraints::rows::ContactRows;
 use palpate_constraints::warm_start::WarmStart;
 use palpate_fem::assembly::FemWorkspace;
@@ -85,12 +85,12 @@ pub struct StepWorkspace {
     pub(super) solve: SolveWorkspace,
     /// Free velocity `v + dv` of the free nodes (m/s).
     pub(super) v_free: Vec<f64>,
-    /// `A⁻¹ Hᵀ lambda` (m/s²).
+    /// `h A⁻¹ Hᵀ lambda` (m/s).
     pub(super) correction: Vec<f64>,
     pub(super) geometry: SurfaceGeometry,
     pub(super) detection: DetectionWorkspace,
     pub(super) rows: ContactRows,
-    pub(super) reach: ReachWorkspace,
+    pub(super) compliance: ComplianceWorkspace<ReachWorkspace>,
     pub(super) problem: ConstraintProblem,
     pub(super) lambda: Vec<f64>,
     pub(super) gauss_seidel: GaussSeidelWorkspace,
@@ -106,7 +106,7 @@ impl StepWorkspace {
         self.lambda.get(..self.rows.len()).unwrap_or(&[])
     }
 
-    /// Rows of the last step. With asynchronous compliance the tissue's part is turned into the factor's frame.
+    /// Rows of the last step.
     pub fn rows(&self) -> &ContactRows {
         &self.rows
     }
@@ -133,7 +133,7 @@ impl StepWorkspace {
             geometry: world.geometry().clone(),
             detection: DetectionWorkspace::new(world.geometry()),
             rows: ContactRows::with_capacity(contacts),
-            reach: ReachWorkspace::new(symbolic, rows),
+            compliance: ComplianceWorkspace::new(rows, ReachWorkspace::new(symbolic, rows)),
             problem: ConstraintProblem::with_capacity(rows),
             lambda: vec![0.0; rows],
             gauss_seidel: GaussSeidelWorkspace::with_capacity(rows),

@@ -1,7 +1,9 @@
 //! A scene made ready: mesh, body, symbolic factorisation, tool. Nothing in it changes while a run lasts.
 
+mod fixed;
+mod geometry;
+
 use std::fmt::Write as _;
-use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector3};
@@ -9,17 +11,16 @@ use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::contact::ContactSet;
 use palpate_collision::detection::{DetectionConfig, DetectionWorkspace, detect};
 use palpate_collision::shape::ToolShape;
-use palpate_fem::block::{block, evenly};
-use palpate_fem::closed_surface::ClosedSurface;
 use palpate_fem::factor::SymbolicFactor;
-use palpate_fem::format;
-use palpate_fem::image::LabelImage;
-use palpate_fem::mesh::{BoundingBox, MeshQuality, MeshWarning, TetMesh};
+use palpate_fem::mesh::{MeshQuality, TetMesh};
 use palpate_fem::model::{FemConfig, FemModel};
-use palpate_fem::stuffing::{Stuffing, StuffingReport, stuff_image, stuff_surface};
 use palpate_fem::surface::Surface;
 
-use crate::scene::{NodeSelection, Scene, SceneDescription, SceneError, SceneFile};
+use crate::scene::{Scene, SceneDescription, SceneError};
+use fixed::fixed_nodes;
+use geometry::{Loaded, load};
+
+pub use geometry::{is_surface, make};
 
 /// A scene made ready to run.
 pub struct World {
@@ -233,127 +234,6 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     };
     tool_outside(&world)?;
     Ok(world)
-}
-
-/// Tetrahedra, what is odd about them, and whether their unit is.
-struct Loaded {
-    mesh: TetMesh,
-    warnings: Vec<String>,
-    unit: Option<MeshWarning>,
-}
-
-/// Reads the mesh, or makes it from an image or a closed surface.
-fn load(scene: &Scene) -> Result<Loaded, SceneError> {
-    let body = &scene.description().bodies[0];
-    if let Some(name) = &body.mesh {
-        let SceneFile::Path(path) = scene.file(name) else {
-            return Err(scene.at(
-                "body.0.mesh",
-                format!("`{name}` is not a mesh"),
-                "name it as `image`, with a `cell`",
-            ));
-        };
-        let file = format::read(&path)?;
-        let scaled = body.scale != 1.0;
-        let of_units = |w: &MeshWarning| matches!(w, MeshWarning::Units { .. });
-        let said = || file.warnings.iter().filter(|w| !(scaled && of_units(w)));
-        let warnings = said().map(ToString::to_string).collect();
-        let unit = said().find(|w| of_units(w)).cloned();
-        return Ok(Loaded { mesh: file.mesh.scaled(body.scale)?, warnings, unit });
-    }
-    if let Some(b) = &body.block {
-        let axis = |c: usize| evenly(b.min[c], b.max[c], b.cells[c]);
-        let mesh = block(&axis(0), &axis(1), &axis(2)).scaled(body.scale)?;
-        return Ok(Loaded { mesh, warnings: Vec::new(), unit: None });
-    }
-    let (Some(name), Some(cell)) = (&body.image, body.cell) else {
-        return Err(scene.at("body.0", "the body has no geometry", "add `mesh` or `image` with `cell`"));
-    };
-    let stuffing = Stuffing { cell, ..Stuffing::default() };
-    let (mesh, report) = match scene.file(name) {
-        SceneFile::Embedded(bytes) => stuff_image(&LabelImage::from_inrimage_bytes(bytes)?, &stuffing)?,
-        SceneFile::Path(path) => make(&path, body.scale, &stuffing)?,
-    };
-    let mut warnings = Vec::new();
-    if report.dropped_bodies > 0 {
-        let cubic_centimetres = 1e6 * report.dropped_volume;
-        warnings.push(format!("{} smaller parts of {cubic_centimetres:.2} cm³ were left out", report.dropped_bodies));
-    }
-    // A few stray voxels are noise of the segmentation, not a region that somebody misses.
-    let lost = report.regions.iter().filter(|r| r.tetrahedra == 0 && r.label_volume > 1e-4 * report.label_volume);
-    warnings.extend(lost.map(|r| format!("the cells are too large for region {}: it has no tetrahedron", r.name)));
-    Ok(Loaded { mesh, warnings, unit: None })
-}
-
-/// True for files of closed surfaces, by their ending; everything else is read as a label image.
-pub fn is_surface(path: &Path) -> bool {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    matches!(extension.as_str(), "stl" | "obj" | "ply")
-}
-
-/// Makes tetrahedra from a closed surface (STL, OBJ, PLY: in units of `scale` metres) or a label image.
-///
-/// # Errors
-/// A file that cannot be read, a surface that is not closed, a cell that does not suit.
-pub fn make(path: &Path, scale: f64, stuffing: &Stuffing) -> Result<(TetMesh, StuffingReport), SceneError> {
-    Ok(if is_surface(path) {
-        stuff_surface(&ClosedSurface::from_path(path, scale)?, stuffing)?
-    } else {
-        stuff_image(&LabelImage::from_path(path)?, stuffing)?
-    })
-}
-
-/// The nodes that the scene fixes.
-fn fixed_nodes(scene: &Scene, mesh: &TetMesh) -> Result<Vec<u32>, SceneError> {
-    let mut fixed = vec![false; mesh.nodes.len()];
-    for (k, selection) in scene.description().bodies[0].fixed.iter().enumerate() {
-        let place = format!("body.0.fixed.{k}");
-        let mut count = 0;
-        let mut mark = |node: usize| {
-            fixed[node] = true;
-            count += 1;
-        };
-        let within = |inside: &dyn Fn(&Vector3<f64>) -> bool, mark: &mut dyn FnMut(usize)| {
-            mesh.nodes.iter().enumerate().filter(|(_, x)| inside(x)).for_each(|(i, _)| mark(i));
-        };
-        match selection {
-            NodeSelection::NodeSet(name) => {
-                let Some(nodes) = mesh.node_sets.get(name) else {
-                    let known: Vec<_> = mesh.node_sets.keys().map(String::as_str).collect();
-                    let message = format!("the mesh has no node set `{name}`");
-                    return Err(scene.at(&place, message, format!("its node sets are: {}", known.join(", "))));
-                };
-                nodes.iter().for_each(|&n| mark(n as usize));
-            }
-            NodeSelection::Region(name) => {
-                let Some(region) = mesh.region_names.iter().position(|r| r == name) else {
-                    let message = format!("the mesh has no region `{name}`");
-                    return Err(scene.at(&place, message, format!("its regions are {}", mesh.region_names.join(", "))));
-                };
-                let of_region = mesh.tetrahedra.iter().zip(&mesh.regions).filter(|(_, r)| usize::from(**r) == region);
-                of_region.flat_map(|(t, _)| t).for_each(|&n| mark(n as usize));
-            }
-            NodeSelection::Below(p) => within(&|x| x[p.axis.index()] <= p.at, &mut mark),
-            NodeSelection::Above(p) => within(&|x| x[p.axis.index()] >= p.at, &mut mark),
-            NodeSelection::Box { min, max } => within(&|x| (0..3).all(|c| min[c] <= x[c] && x[c] <= max[c]), &mut mark),
-            NodeSelection::Ball { center, radius } => {
-                within(&|x| (x - Vector3::from(*center)).norm() <= *radius, &mut mark);
-            }
-        }
-        if count == 0 {
-            let BoundingBox { min: low, max: high } = mesh.bounding_box();
-            let message = "this selection holds no node";
-            let remedy = format!(
-                "the body spans x {:.4}..{:.4}, y {:.4}..{:.4}, z {:.4}..{:.4} m",
-                low.x, high.x, low.y, high.y, low.z, high.z
-            );
-            return Err(scene.at(&place, message, remedy));
-        }
-    }
-    if fixed.iter().all(|&f| f) && !fixed.is_empty() {
-        return Err(scene.at("body.0.fixed", "every node is fixed: nothing can move", "fix fewer nodes"));
-    }
-    Ok((0..fixed.len()).filter(|&n| fixed[n]).map(|n| n as u32).collect())
 }
 
 /// Refuses a tool that begins inside the body: there is no skin that it came through.
