@@ -2,26 +2,10 @@
 
 mod factor_bodies;
 
-use std::sync::Arc;
-
-use factor_bodies::{Body, Random, dense, dense_rows};
+use factor_bodies::{Body, Random, dense, dense_rows, factored, relative_difference};
 use nalgebra::{DMatrix, Vector3};
-use palpate_fem::factor::{
-    Factor, FactorStatus, ReachStatus, ReachWorkspace, SolveStatus, SolveWorkspace, SymbolicFactor,
-};
+use palpate_fem::factor::{FactorStatus, ReachStatus, ReachWorkspace, SolveStatus, SolveWorkspace};
 use palpate_fem::nodal_rows::NodalRows;
-use palpate_fem::sparse::SystemMatrix;
-
-fn factored(body: &Body, a: &SystemMatrix) -> Factor {
-    let mut factor = Factor::new(Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap()));
-    assert_eq!(factor.refactor(a).status, FactorStatus::Ok);
-    factor
-}
-
-fn relative_difference(x: &[f64], y: &[f64]) -> f64 {
-    let difference: f64 = x.iter().zip(y).map(|(x, y)| (x - y) * (x - y)).sum();
-    (difference / y.iter().map(|y| y * y).sum::<f64>()).sqrt()
-}
 
 #[test]
 fn compliance_by_reach_is_that_of_the_dense_inverse() {

@@ -4,25 +4,14 @@ mod factor_bodies;
 
 use std::sync::Arc;
 
-use factor_bodies::{Body, Random, dense};
+use factor_bodies::{Body, Random, dense, factored, relative_difference};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3};
 use palpate_fem::factor::{
     Factor, FactorError, FactorStatus, ReachStatus, ReachWorkspace, SolveStatus, SolveWorkspace, SymbolicFactor,
 };
 use palpate_fem::ordering::{NodeOrdering, approximate_minimum_degree};
 use palpate_fem::preconditioner::{Preconditioner, WarpedPreconditioner, rotate};
-use palpate_fem::sparse::{BlockPattern, SystemMatrix};
-
-fn factored(body: &Body, a: &SystemMatrix) -> Factor {
-    let mut factor = Factor::new(Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap()));
-    assert_eq!(factor.refactor(a).status, FactorStatus::Ok);
-    factor
-}
-
-fn relative_difference(x: &[f64], y: &[f64]) -> f64 {
-    let difference: f64 = x.iter().zip(y).map(|(x, y)| (x - y) * (x - y)).sum();
-    (difference / y.iter().map(|y| y * y).sum::<f64>()).sqrt()
-}
+use palpate_fem::sparse::BlockPattern;
 
 #[test]
 fn solve_agrees_with_dense_cholesky() {

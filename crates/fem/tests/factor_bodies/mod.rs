@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
+use palpate_fem::factor::{Factor, FactorStatus, SymbolicFactor};
 use palpate_fem::nodal_rows::NodalRows;
 use palpate_fem::sparse::{BlockPattern, FIXED, SystemMatrix};
 
@@ -203,4 +204,17 @@ pub fn dense_rows(rows: &NodalRows, free_nodes: usize) -> DMatrix<f64> {
         }
     }
     dense
+}
+
+/// The factor of a body's matrix.
+pub fn factored(body: &Body, a: &SystemMatrix) -> Factor {
+    let mut factor = Factor::new(Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap()));
+    assert_eq!(factor.refactor(a).status, FactorStatus::Ok);
+    factor
+}
+
+/// `‖x − y‖ / ‖y‖`.
+pub fn relative_difference(x: &[f64], y: &[f64]) -> f64 {
+    let difference: f64 = x.iter().zip(y).map(|(x, y)| (x - y) * (x - y)).sum();
+    (difference / y.iter().map(|y| y * y).sum::<f64>()).sqrt()
 }
