@@ -131,6 +131,15 @@ impl BatchReport {
         self
     }
 
+    /// The points of one element as that element: counted once, whatever the number of its points.
+    pub(crate) fn as_one(mut self, element: u32) -> Self {
+        self.filtered = self.filtered.min(1);
+        self.inverted = self.inverted.min(1);
+        self.min_jacobian_element = if self.min_jacobian_element == u32::MAX { u32::MAX } else { element };
+        self.non_finite = self.non_finite.map(|_| element);
+        self
+    }
+
     /// Both reports together; independent of the order of merging.
     pub(crate) fn merged(self, other: Self) -> Self {
         let (a, b) = ((self.min_jacobian, self.min_jacobian_element), (other.min_jacobian, other.min_jacobian_element));
