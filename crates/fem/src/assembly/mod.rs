@@ -14,15 +14,20 @@
 
 mod scatter;
 mod sum;
+mod viscous;
 
 use nalgebra::{Matrix3, Vector3};
 
 pub(crate) use self::scatter::ScatterLists;
-use self::{scatter::slots, sum::sum_elements};
+pub use self::viscous::advance_memory;
+use self::{scatter::slots, sum::sum_elements, viscous::StepTissue};
 use crate::{
-    element::{ElementKind, ElementMatrices, NodalShares, quadratic::QuadraticMatrices},
+    element::{
+        ElementKind, ElementMatrices, NodalShares,
+        quadratic::{POINTS, QuadraticMatrices},
+    },
     material::{BatchReport, Law},
-    model::{FemModel, FemState},
+    model::{Batch, FemModel, FemState},
     sparse::SystemMatrix,
 };
 
@@ -38,6 +43,9 @@ pub struct FemWorkspace {
     pub rhs: Vec<f64>,
     /// Internal force on every mesh node (N), fixed ones included: there it is minus the reaction.
     pub f_int: Vec<Vector3<f64>>,
+    /// The step (s) in which viscous tissue relaxes, for functions that are told none. At first infinity: the relaxed
+    /// equilibrium.
+    pub dt: f64,
     /// Upper blocks of `K`.
     upper: Vec<Matrix3<f64>>,
     /// Element results: one batch on one thread, all batches on several. Of quadratic bodies in the second list.
@@ -59,6 +67,7 @@ impl FemWorkspace {
             system: SystemMatrix::zeros(model.pattern().clone()),
             rhs: vec![0.0; 3 * model.free_nodes()],
             f_int: vec![Vector3::zeros(); model.nodes()],
+            dt: f64::INFINITY,
             upper: vec![Matrix3::zeros(); model.scatter().upper_blocks()],
             results: vec![ElementMatrices::ZERO; if quadratic { 0 } else { results }],
             quadratic_results: vec![QuadraticMatrices::ZERO; if quadratic { results } else { 0 }],
@@ -119,7 +128,7 @@ pub fn assemble(
     f_ext: &[Vector3<f64>],
     ws: &mut FemWorkspace,
 ) -> AssemblyReport {
-    let report = sum_elements(model, state, ws);
+    let report = sum_elements(model, state, dt, ws);
     let (alpha, beta) = (model.rayleigh_mass(), model.rayleigh_stiffness());
     let coefficients = Coefficients { mass: 1.0 + dt * alpha, stiffness: dt * (beta + dt) };
     let upper = &ws.upper;
@@ -142,7 +151,7 @@ pub fn assemble(
 }
 
 /// Fills `ws.system` with `coefficients.mass M + coefficients.stiffness K`, `ws.rhs` with the static residual
-/// `f_ext + M g + f_int` (N) and `ws.f_int` (N). Newton's method for equilibrium solves `K Δq = rhs`.
+/// `f_ext + M g + f_int` (N) and `ws.f_int` (N), over the step `ws.dt`. Newton's method for equilibrium solves `K Δq = rhs`.
 pub fn assemble_with(
     model: &FemModel,
     state: &FemState,
@@ -150,7 +159,7 @@ pub fn assemble_with(
     f_ext: &[Vector3<f64>],
     ws: &mut FemWorkspace,
 ) -> AssemblyReport {
-    let report = sum_elements(model, state, ws);
+    let report = sum_elements(model, state, ws.dt, ws);
     let upper = &ws.upper;
     let f_int = &ws.f_int;
     for_rows(model, &mut ws.system, &mut ws.rhs, |i, node, blocks| {
@@ -164,14 +173,16 @@ pub fn assemble_with(
     report
 }
 
-/// Fills `ws.f_int` with the internal forces on all nodes (N), without the tangent; leaves `ws.system` alone.
+/// Fills `ws.f_int` with the internal forces on all nodes (N), without the tangent, over the step `ws.dt`;
+/// leaves `ws.system` alone.
 pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) {
     ws.f_int.fill(Vector3::zeros());
     for batch in model.batches() {
-        for element in batch.of(model.quadratic_elements()) {
+        let tissue = StepTissue::new(batch, state, ws.dt);
+        for (e, element) in batch.of(model.quadratic_elements()).iter().enumerate() {
             let mut result = [Vector3::zeros(); 10];
             for (k, F) in element.deformation_gradients(&state.q).iter().enumerate() {
-                element.add_forces(k, &batch.material.first_piola(F), &mut result);
+                element.add_forces(k, &tissue.first_piola(e * POINTS + k, F), &mut result);
             }
             result[0] = -result[1..].iter().sum::<Vector3<f64>>();
             for (f, &node) in result.iter().zip(&element.nodes) {
@@ -181,8 +192,8 @@ pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace
         if model.element_kind() == ElementKind::Quadratic {
             continue;
         }
-        for element in batch.of(model.elements()) {
-            let P = batch.material.first_piola(&element.deformation_gradient(&state.q));
+        for (e, element) in batch.of(model.elements()).iter().enumerate() {
+            let P = tissue.first_piola(e, &element.deformation_gradient(&state.q));
             let result = ElementMatrices { forces: element.forces(&P), ..ElementMatrices::ZERO };
             for (a, &node) in element.nodes.iter().enumerate() {
                 ws.f_int[node as usize] += NodalShares::force(&result, a);
@@ -191,20 +202,32 @@ pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace
     }
 }
 
-/// Elastic energy of the body (J).
+/// Elastic energy of the body (J); of viscous tissue, what it would be after an instantaneous deformation.
 pub fn elastic_energy(model: &FemModel, state: &FemState) -> f64 {
+    sum_energy(model, state, |batch, _, F| batch.tissue.material.energy_density(F))
+}
+
+/// The energy (J) whose derivative by `q` is minus the internal force at the end of a step `dt` (s), infinite for the relaxed
+/// equilibrium. Of elastic bodies it is [`elastic_energy`]; of viscous ones it is less by what the step and the memory relax.
+pub fn incremental_energy(model: &FemModel, state: &FemState, dt: f64) -> f64 {
+    sum_energy(model, state, |batch, point, F| StepTissue::new(batch, state, dt).energy_density(point, F))
+}
+
+/// Sums an energy density (J/m³), given by batch, point in it and deformation gradient, over the body (J).
+fn sum_energy(model: &FemModel, state: &FemState, density: impl Fn(&Batch, usize, &Matrix3<f64>) -> f64) -> f64 {
     let mut energy = 0.0;
     for batch in model.batches() {
-        for element in batch.of(model.quadratic_elements()) {
-            for (F, weight) in element.deformation_gradients(&state.q).iter().zip(element.weights) {
-                energy += weight * batch.material.energy_density(F);
+        for (e, element) in batch.of(model.quadratic_elements()).iter().enumerate() {
+            let points = element.deformation_gradients(&state.q);
+            for (k, (F, weight)) in points.iter().zip(element.weights).enumerate() {
+                energy += weight * density(batch, e * POINTS + k, F);
             }
         }
         if model.element_kind() == ElementKind::Quadratic {
             continue;
         }
-        for element in batch.of(model.elements()) {
-            energy += element.volume * batch.material.energy_density(&element.deformation_gradient(&state.q));
+        for (e, element) in batch.of(model.elements()).iter().enumerate() {
+            energy += element.volume * density(batch, e, &element.deformation_gradient(&state.q));
         }
     }
     energy

@@ -3,18 +3,18 @@
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-use super::{AssemblyReport, FemWorkspace, ROWS, ScatterLists};
+use super::{AssemblyReport, FemWorkspace, ROWS, ScatterLists, viscous::StepTissue};
 use crate::{
     element::{
-        ElementKind, ElementMatrices, NodalShares,
-        quadratic::{QuadraticMatrices, quadratic_batch},
+        ElementKind, ElementMatrices, NodalShares, Tetrahedron,
+        quadratic::{POINTS, QuadraticMatrices, quadratic_batch},
     },
-    material::{BatchReport, Law},
+    material::BatchReport,
     model::{Batch, FemModel, FemState},
 };
 
-/// Computes all elements and sums them into `ws.upper` and `ws.f_int`.
-pub(super) fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) -> AssemblyReport {
+/// Computes all elements and sums them into `ws.upper` and `ws.f_int`; `dt` (s) is the step that viscous tissue relaxes in.
+pub(super) fn sum_elements(model: &FemModel, state: &FemState, dt: f64, ws: &mut FemWorkspace) -> AssemblyReport {
     let (q, filter) = (&state.q, model.filter());
     let sums = Sums {
         batches: model.batches(),
@@ -26,10 +26,14 @@ pub(super) fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorks
     };
     let report = match model.element_kind() {
         ElementKind::Linear => sums.fill(&mut ws.results, |batch, results: &mut [ElementMatrices]| {
-            batch.material.batch(batch.of(model.elements()), q, filter, results)
+            StepTissue::new(batch, state, dt).batch(0, batch.of(model.elements()), q, filter, results)
         }),
         ElementKind::Quadratic => sums.fill(&mut ws.quadratic_results, |batch, results: &mut [QuadraticMatrices]| {
-            quadratic_batch(&batch.material, batch.of(model.quadratic_elements()), q, filter, results)
+            let tissue = StepTissue::new(batch, state, dt);
+            let answer = |k: usize, units: &[Tetrahedron], columns: &[Vector3<f64>], out: &mut [ElementMatrices]| {
+                tissue.batch(k * POINTS, units, columns, filter, out)
+            };
+            quadratic_batch(batch.of(model.quadratic_elements()), q, answer, results)
         }),
     };
     AssemblyReport::new(report, model)

@@ -22,11 +22,8 @@
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
-use super::{ElementMatrices, NodalShares, unit};
-use crate::{
-    material::{BatchReport, Law},
-    rotation::cofactor,
-};
+use super::{ElementMatrices, NodalShares, Tetrahedron, unit};
+use crate::{material::BatchReport, rotation::cofactor};
 
 /// Corners that each mid-node lies between, in the order of the mid-nodes.
 pub const EDGES: [(usize, usize); 6] = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)];
@@ -268,16 +265,16 @@ impl QuadraticTetrahedron {
     }
 }
 
-/// Forces and exact tangents of quadratic elements of one law, as [`Law::batch`]: the law sees the points of each
-/// element as unit tetrahedra. The report counts elements, not points; its Jacobians are those of the points.
+/// Forces and exact tangents of quadratic elements of one tissue: `answer` is what it answers, as
+/// [`Law::batch`](crate::material::Law::batch), to the points of element `k` as unit tetrahedra. The report counts
+/// elements, not points; its Jacobians are those of the points.
 pub(crate) fn quadratic_batch(
-    law: &impl Law,
     elements: &[QuadraticTetrahedron],
     q: &[Vector3<f64>],
-    filter: bool,
+    answer: impl Fn(usize, &[Tetrahedron], &[Vector3<f64>], &mut [ElementMatrices]) -> BatchReport,
     out: &mut [QuadraticMatrices],
 ) -> BatchReport {
-    const UNITS: [super::Tetrahedron; POINTS] =
+    const UNITS: [Tetrahedron; POINTS] =
         [unit([0, 1, 2, 3]), unit([0, 4, 5, 6]), unit([0, 7, 8, 9]), unit([0, 10, 11, 12])];
     let mut report = BatchReport::default();
     let mut columns = [Vector3::zeros(); 1 + 3 * POINTS];
@@ -288,7 +285,7 @@ pub(crate) fn quadratic_batch(
                 *column = of_F.into_owned();
             }
         }
-        let at_points = law.batch(&UNITS, &columns, filter, &mut points);
+        let at_points = answer(k, &UNITS, &columns, &mut points);
         element.matrices(&points, out);
         report = report.merged(at_points.as_one(k as u32));
     }

@@ -98,7 +98,9 @@ pub enum MaterialError {
     #[error("the viscosity's moduli add up to {0}: below 1, or no stiffness is left at rest; lower them")]
     PronySum(f64),
     /// The law takes no viscosity.
-    #[error("{0} takes no viscosity: its stress does not turn with the tissue; use `corotational` or a hyperelastic law")]
+    #[error(
+        "{0} takes no viscosity: its stress does not turn with the tissue; use `corotational` or a hyperelastic law"
+    )]
     NoViscosity(&'static str),
     /// No set of parameters is complete, or several are mixed.
     #[error("{law} takes {sets}: one complete set, not a mixture")]

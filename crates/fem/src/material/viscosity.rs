@@ -56,7 +56,7 @@ pub fn validate_prony(terms: &[PronyTerm]) -> Result<(), MaterialError> {
     if sum < 1.0 { Ok(()) } else { Err(MaterialError::PronySum(sum)) }
 }
 
-/// Symmetric tolerance of the test for a definite tangent, relative to its largest diagonal entry: rotations of an
+/// Tolerance of the test for a definite tangent, relative to its largest diagonal entry: rotations of an
 /// element free of stress have eigenvalue zero.
 const ROUNDING: f64 = 1e-10;
 
@@ -107,8 +107,9 @@ impl Relaxation<'_> {
 
     /// [`Law::batch`] with viscosity; `history` has the stresses of the elements, term by term.
     ///
-    /// With `filter` each law's tangent is made semidefinite by itself. Where it is not so any more with the memory, the
-    /// memory's share of the tangent is replaced by its semidefinite part.
+    /// With `filter` the law's tangent is made semidefinite by itself. Where it is not so any more with the memory, the
+    /// memory's share of the tangent is replaced by its semidefinite part. An element that both change is counted twice,
+    /// the report never names more than there are.
     pub(crate) fn batch(
         &self,
         law: &Material,
@@ -121,14 +122,8 @@ impl Relaxation<'_> {
         let mut report = law.relaxed(self.share()).batch(elements, q, filter, out);
         let all = elements.iter().zip(out).zip(history.chunks_exact(self.terms.len().max(1)));
         for (k, ((element, out), history)) in all.enumerate() {
-            let memory = self.memory(history);
-            let F = element.deformation_gradient(q);
-            out.forces += element.forces(&(F * -memory));
-            subtract_memory(element, &memory, &mut out.blocks);
-            if filter && !is_semidefinite(&out.blocks) {
-                let svd = signed_svd(&memory);
-                let absolute = svd.V * Matrix3::from_diagonal(&svd.sigma.abs()) * svd.V.transpose();
-                subtract_memory(element, &((memory + absolute) * -0.5), &mut out.blocks);
+            let filtered = add_memory(element, &element.deformation_gradient(q), &self.memory(history), filter, out);
+            if filtered {
                 report.filtered = (report.filtered + 1).min(elements.len() as u32);
             }
             if report.non_finite.is_none() && !out.is_finite() {
@@ -137,6 +132,26 @@ impl Relaxation<'_> {
         }
         report
     }
+}
+
+/// Adds the stress `-Γ` to one element whose law is already in `out`. Returns whether the filter changed the tangent.
+fn add_memory(
+    element: &Tetrahedron,
+    F: &Matrix3<f64>,
+    memory: &Matrix3<f64>,
+    filter: bool,
+    out: &mut ElementMatrices,
+) -> bool {
+    out.forces += element.forces(&(F * -memory));
+    subtract_memory(element, memory, &mut out.blocks);
+    if !filter || is_semidefinite(&out.blocks) {
+        return false;
+    }
+    // What is left of -Γ is its semidefinite part [Higham 1988]: (|Γ| + Γ) / 2 is given back.
+    let svd = signed_svd(memory);
+    let absolute = svd.V * Matrix3::from_diagonal(&svd.sigma.abs()) * svd.V.transpose();
+    subtract_memory(element, &((memory + absolute) * -0.5), &mut out.blocks);
+    true
 }
 
 /// `S_s` of an element (Pa), bounded where it is flat.

@@ -1,0 +1,112 @@
+//! The tissue of a batch over one step: its law, or with viscosity the law as it relaxes in the step and what it remembers.
+
+#![allow(non_snake_case)]
+
+use nalgebra::{Matrix3, Vector3, Vector6};
+
+use crate::{
+    element::{ElementKind, ElementMatrices, Tetrahedron, quadratic::POINTS},
+    material::{BatchReport, Law, viscosity::Relaxation},
+    model::{Batch, FemModel, FemState},
+};
+
+/// A batch's tissue over one step. Points are counted from the batch's first: elements, or their points of quadrature.
+pub(super) struct StepTissue<'a> {
+    batch: &'a Batch,
+    relaxation: Relaxation<'a>,
+    memory: &'a [Vector6<f64>],
+}
+
+impl<'a> StepTissue<'a> {
+    /// The tissue over a step `dt` (s); infinity for the relaxed equilibrium.
+    pub(super) fn new(batch: &'a Batch, state: &'a FemState, dt: f64) -> Self {
+        Self {
+            batch,
+            relaxation: Relaxation { terms: &batch.tissue.viscosity, dt },
+            memory: state.memory.get(batch.memory.clone()).unwrap_or_default(),
+        }
+    }
+
+    /// Stresses of the points from `first` on.
+    fn remembered(&self, first: usize) -> &'a [Vector6<f64>] {
+        self.memory.get(first * self.relaxation.terms.len()..).unwrap_or_default()
+    }
+
+    /// [`Law::batch`] for the points from `first` on.
+    pub(super) fn batch(
+        &self,
+        first: usize,
+        elements: &[Tetrahedron],
+        q: &[Vector3<f64>],
+        filter: bool,
+        out: &mut [ElementMatrices],
+    ) -> BatchReport {
+        let law = &self.batch.tissue.material;
+        if self.relaxation.terms.is_empty() {
+            return law.batch(elements, q, filter, out);
+        }
+        self.relaxation.batch(law, self.remembered(first), elements, q, filter, out)
+    }
+
+    /// First Piola stress of a point (Pa).
+    pub(super) fn first_piola(&self, point: usize, F: &Matrix3<f64>) -> Matrix3<f64> {
+        let law = &self.batch.tissue.material;
+        if self.relaxation.terms.is_empty() {
+            return law.first_piola(F);
+        }
+        self.relaxation.first_piola(law, F, self.remembered(point))
+    }
+
+    /// What a step minimises at a point (J/m³).
+    pub(super) fn energy_density(&self, point: usize, F: &Matrix3<f64>) -> f64 {
+        let law = &self.batch.tissue.material;
+        if self.relaxation.terms.is_empty() {
+            return law.energy_density(F);
+        }
+        self.relaxation.energy_density(law, F, self.remembered(point))
+    }
+}
+
+/// Takes the memory of viscous tissue over a step `dt` (s) that has ended in `state.q`. Once per accepted step, after it;
+/// with `dt` infinite the tissue is relaxed where it is. Elastic bodies have nothing to do.
+///
+/// Allocates nothing; the same bits for any number of threads.
+pub fn advance_memory(model: &FemModel, state: &mut FemState, dt: f64) {
+    let FemState { q, memory, .. } = state;
+    advance(model, model.batches(), q, dt, memory);
+}
+
+/// Halves the batches until one is left, so that no task list is needed. `memory` is theirs.
+fn advance(model: &FemModel, batches: &[Batch], q: &[Vector3<f64>], dt: f64, memory: &mut [Vector6<f64>]) {
+    match batches {
+        [] => {}
+        [batch] => advance_batch(model, batch, q, dt, memory),
+        _ => {
+            let (left, right) = batches.split_at(batches.len() / 2);
+            let middle: usize = left.iter().map(|batch| batch.memory.len()).sum();
+            let Some((low, high)) = memory.split_at_mut_checked(middle) else { return };
+            rayon::join(|| advance(model, left, q, dt, low), || advance(model, right, q, dt, high));
+        }
+    }
+}
+
+fn advance_batch(model: &FemModel, batch: &Batch, q: &[Vector3<f64>], dt: f64, memory: &mut [Vector6<f64>]) {
+    let (law, terms) = (&batch.tissue.material, &batch.tissue.viscosity);
+    if terms.is_empty() {
+        return;
+    }
+    let relaxation = Relaxation { terms, dt };
+    if model.element_kind() == ElementKind::Quadratic {
+        let elements = batch.of(model.quadratic_elements()).iter();
+        for (element, memory) in elements.zip(memory.chunks_exact_mut(POINTS * terms.len())) {
+            let points = element.deformation_gradients(q);
+            for (F, memory) in points.iter().zip(memory.chunks_exact_mut(terms.len())) {
+                relaxation.advance(law, F, memory);
+            }
+        }
+        return;
+    }
+    for (element, memory) in batch.of(model.elements()).iter().zip(memory.chunks_exact_mut(terms.len())) {
+        relaxation.advance(law, &element.deformation_gradient(q), memory);
+    }
+}
