@@ -73,12 +73,19 @@ impl<'a> StepTissue<'a> {
 /// Allocates nothing; the same bits for any number of threads.
 pub fn advance_memory(model: &FemModel, state: &mut FemState, dt: f64) {
     let FemState { q, memory, .. } = state;
-    advance(model, model.batches(), q, dt, memory);
+    if rayon::current_num_threads() > 1 {
+        return advance(model, model.batches(), q, dt, memory);
+    }
+    for batch in model.batches() {
+        let memory = memory.get_mut(batch.memory.clone()).unwrap_or_default();
+        advance_batch(model, batch, q, dt, memory);
+    }
 }
 
 /// Halves the batches until one is left, so that no task list is needed. `memory` is theirs.
 fn advance(model: &FemModel, batches: &[Batch], q: &[Vector3<f64>], dt: f64, memory: &mut [Vector6<f64>]) {
     match batches {
+        _ if memory.is_empty() => {}
         [] => {}
         [batch] => advance_batch(model, batch, q, dt, memory),
         _ => {
