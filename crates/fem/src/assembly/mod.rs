@@ -21,7 +21,7 @@ pub(crate) use self::scatter::ScatterLists;
 use self::{scatter::slots, sum::sum_elements};
 use crate::{
     averaging::AveragingWorkspace,
-    element::{ElementKind, ElementMatrices, NodalShares, quadratic::QuadraticMatrices},
+    element::{ElementKind, ElementMatrices, NodalShares, QuadraticTetrahedron, quadratic::QuadraticMatrices},
     material::{BatchReport, Law},
     model::{FemModel, FemState},
     sparse::SystemMatrix,
@@ -215,6 +215,20 @@ pub fn elastic_energy(model: &FemModel, state: &FemState) -> f64 {
         }
     }
     energy
+}
+
+/// Volume ratio that the bulk term sees in each element, in the order of [`FemModel::elements`]: its own `det F`, the mean
+/// over the points of a quadratic element, or the mean of the groups of an averaged one. For pictures of the pressure.
+pub fn volume_ratios(model: &FemModel, state: &FemState) -> Vec<f64> {
+    let of_quadratic = |element: &QuadraticTetrahedron| {
+        let at_points = element.deformation_gradients(&state.q);
+        at_points.iter().zip(element.weights).map(|(F, w)| w * F.determinant()).sum::<f64>() / element.volume()
+    };
+    match (model.element_kind(), model.averaging()) {
+        (ElementKind::Quadratic, _) => model.quadratic_elements().iter().map(of_quadratic).collect(),
+        (_, Some(groups)) => groups.ratios(model.elements(), &state.q),
+        _ => model.elements().iter().map(|e| e.deformation_gradient(&state.q).determinant()).collect(),
+    }
 }
 
 /// One block of `mass M + stiffness K`. Diagonal blocks are made symmetric: their sums are so only up to rounding.

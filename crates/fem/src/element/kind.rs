@@ -11,8 +11,8 @@ pub enum ElementKind {
     Linear,
     /// Ten nodes, linear strain: the mesh needs mid-nodes ([`TetMesh::promoted`](crate::mesh::TetMesh::promoted)).
     Quadratic,
-    /// Four nodes; the bulk energy sees volume changes averaged over groups of elements, which removes volumetric
-    /// locking. For laws with a bulk term of their own.
+    /// Four nodes; the bulk energy sees volume changes averaged over patches of elements, which removes volumetric
+    /// locking ([`averaging`](crate::averaging)). For laws with a bulk term of their own.
     Averaged,
 }
 
