@@ -30,6 +30,12 @@ impl Tetrahedron {
         (element.volume > 0.0 && element.inverse_rest_edges.iter().all(|x| x.is_finite())).then_some(element)
     }
 
+    /// Shape vectors `D_0` to `D_3` (1/m): gradients of the shape functions of the four nodes.
+    pub fn shape_vectors(&self) -> [Vector3<f64>; 4] {
+        let [a, b, c] = [0, 1, 2].map(|i| self.inverse_rest_edges.row(i).transpose());
+        [-(a + b + c), a, b, c]
+    }
+
     /// Edges `[q1-q0, q2-q0, q3-q0]` as columns (m).
     #[inline]
     pub fn edges(&self, q: &[Vector3<f64>]) -> Matrix3<f64> {
@@ -86,13 +92,6 @@ impl ElementMatrices {
             3 => -(k13 + k23 + k33),
             _ => self.blocks[k - 4],
         }
-    }
-
-    /// Whether every force and the diagonal of the stiffness are finite; other blocks are sums of the same terms.
-    #[inline]
-    pub(crate) fn is_finite(&self) -> bool {
-        let trace = self.blocks[0].trace() + self.blocks[3].trace() + self.blocks[5].trace();
-        (self.forces.sum() + trace).is_finite()
     }
 }
 

@@ -18,11 +18,12 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 pub(crate) use self::scatter::ScatterLists;
-use self::scatter::slots;
+use self::scatter::{Sums, slots, symmetric};
 use crate::{
     element::ElementMatrices,
     material::{BATCH, BatchReport, Law},
-    model::{FemModel, FemState},
+    model::{Batch, FemModel, FemState},
+    pack::{PACK, PackMatrices},
     sparse::SystemMatrix,
 };
 
@@ -38,16 +39,16 @@ pub struct FemWorkspace {
     pub rhs: Vec<f64>,
     /// Internal force on every mesh node (N), fixed ones included: there it is minus the reaction.
     pub f_int: Vec<Vector3<f64>>,
-    /// Upper blocks of `K`.
-    upper: Vec<Matrix3<f64>>,
+    /// Sums over the elements.
+    sums: Sums,
     /// Element results: one batch on one thread, all batches on several.
-    results: Vec<ElementMatrices>,
+    results: Vec<PackMatrices>,
     /// Slot of each element in `results`; empty on one thread.
     slot: Vec<u32>,
 }
 
 impl FemWorkspace {
-    /// Memory for a body. If rayon has several threads here, memory for parallel assembly is included (504 bytes an
+    /// Memory for a body. If rayon has several threads here, memory for parallel assembly is included (744 bytes an
     /// element); a workspace made where it has one assembles on one thread everywhere.
     pub fn new(model: &FemModel) -> Self {
         let parallel = rayon::current_num_threads() > 1;
@@ -56,8 +57,8 @@ impl FemWorkspace {
             system: SystemMatrix::zeros(model.pattern().clone()),
             rhs: vec![0.0; 3 * model.free_nodes()],
             f_int: vec![Vector3::zeros(); model.nodes()],
-            upper: vec![Matrix3::zeros(); model.scatter().upper_blocks()],
-            results: vec![ElementMatrices::ZERO; batches * BATCH],
+            sums: model.scatter().sums(),
+            results: vec![PackMatrices::ZERO; batches * (BATCH / PACK)],
             slot: if parallel { slots(model.batches()) } else { Vec::new() },
         }
     }
@@ -118,19 +119,18 @@ pub fn assemble(
     let report = sum_elements(model, state, ws);
     let (alpha, beta) = (model.rayleigh_mass(), model.rayleigh_stiffness());
     let coefficients = Coefficients { mass: 1.0 + dt * alpha, stiffness: dt * (beta + dt) };
-    let upper = &ws.upper;
-    let f_int = &ws.f_int;
+    let sums = &ws.sums;
     for_rows(model, &mut ws.system, &mut ws.rhs, |i, node, blocks| {
         let mass = model.mass()[node];
         let mut Kv = Vector3::zeros();
         for (p, block) in model.pattern().row(i).zip(blocks) {
-            let K = model.scatter().block(p, upper);
             let j = model.pattern().columns()[p] as usize;
+            let K = if i == j { symmetric(sums.diagonal[node]) } else { model.scatter().block(p, &sums.upper) };
             Kv += K * state.v[model.node_of_free()[j] as usize];
             *block = system_block(&K, coefficients, mass, i == j);
         }
         let f = f_ext.get(node).copied().unwrap_or_default()
-            + f_int[node]
+            + sums.forces[node]
             + (model.gravity() - state.v[node] * alpha) * mass;
         f * dt - Kv * coefficients.stiffness
     });
@@ -147,15 +147,15 @@ pub fn assemble_with(
     ws: &mut FemWorkspace,
 ) -> AssemblyReport {
     let report = sum_elements(model, state, ws);
-    let upper = &ws.upper;
-    let f_int = &ws.f_int;
+    let sums = &ws.sums;
     for_rows(model, &mut ws.system, &mut ws.rhs, |i, node, blocks| {
         let mass = model.mass()[node];
         for (p, block) in model.pattern().row(i).zip(blocks) {
             let diagonal = model.pattern().columns()[p] as usize == i;
-            *block = system_block(&model.scatter().block(p, upper), coefficients, mass, diagonal);
+            let K = if diagonal { symmetric(sums.diagonal[node]) } else { model.scatter().block(p, &sums.upper) };
+            *block = system_block(&K, coefficients, mass, diagonal);
         }
-        f_ext.get(node).copied().unwrap_or_default() + f_int[node] + model.gravity() * mass
+        f_ext.get(node).copied().unwrap_or_default() + sums.forces[node] + model.gravity() * mass
     });
     report
 }
@@ -185,55 +185,53 @@ pub fn elastic_energy(model: &FemModel, state: &FemState) -> f64 {
     energy
 }
 
-/// One block of `mass M + stiffness K`. Diagonal blocks are made symmetric: their sums are so only up to rounding.
+/// One block of `mass M + stiffness K`.
 #[inline]
 fn system_block(K: &Matrix3<f64>, coefficients: Coefficients, mass: f64, diagonal: bool) -> Matrix3<f64> {
-    if !diagonal {
-        return K * coefficients.stiffness;
-    }
-    let mut block = (K + K.transpose()) * (0.5 * coefficients.stiffness);
-    for c in 0..3 {
-        block[(c, c)] += coefficients.mass * mass;
+    let mut block = K * coefficients.stiffness;
+    if diagonal {
+        for c in 0..3 {
+            block[(c, c)] += coefficients.mass * mass;
+        }
     }
     block
 }
 
-/// Computes all elements and sums them into `ws.upper` and `ws.f_int`.
+/// Computes all elements and sums them into `ws.sums` and `ws.f_int`.
 fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) -> AssemblyReport {
     let scatter = model.scatter();
-    let compute = |batch: &crate::model::Batch, results: &mut [ElementMatrices]| {
-        let elements = &model.elements()[batch.elements.clone()];
-        let report = batch.material.batch(elements, &state.q, model.filter(), &mut results[..elements.len()]);
+    let compute = |batch: &Batch, results: &mut [PackMatrices]| {
+        let report = batch.material.batch(&model.packs()[batch.packs.clone()], &state.q, model.filter(), results);
         report.shifted(batch.elements.start as u32)
     };
     let parallel = !ws.slot.is_empty() && rayon::current_num_threads() > 1;
     let report = if parallel {
-        let report = (ws.results.par_chunks_mut(BATCH).zip(model.batches()))
+        let report = (ws.results.par_chunks_mut(BATCH / PACK).zip(model.batches()))
             .map(|(results, batch)| compute(batch, results))
             .reduce(BatchReport::default, BatchReport::merged);
         let (results, slot) = (&ws.results, &ws.slot);
-        ws.upper.par_chunks_mut(8 * ROWS).enumerate().for_each(|(chunk, upper)| {
+        ws.sums.upper.par_chunks_mut(8 * ROWS).enumerate().for_each(|(chunk, upper)| {
             for (k, block) in upper.iter_mut().enumerate() {
                 *block = scatter.gather_block(8 * ROWS * chunk + k, results, slot);
             }
         });
-        ws.f_int.par_chunks_mut(ROWS).enumerate().for_each(|(chunk, f_int)| {
-            for (k, f) in f_int.iter_mut().enumerate() {
-                *f = scatter.gather_force(ROWS * chunk + k, results, slot);
+        let nodes = ws.sums.forces.par_chunks_mut(ROWS).zip(ws.sums.diagonal.par_chunks_mut(ROWS));
+        nodes.enumerate().for_each(|(chunk, (forces, diagonal))| {
+            for (k, (force, triangle)) in forces.iter_mut().zip(diagonal).enumerate() {
+                (*force, *triangle) = scatter.gather_node(ROWS * chunk + k, results, slot);
             }
         });
         report
     } else {
-        ws.upper.fill(Matrix3::zeros());
-        ws.f_int.fill(Vector3::zeros());
+        ws.sums.clear();
         let mut report = BatchReport::default();
         for batch in model.batches() {
             report = report.merged(compute(batch, &mut ws.results));
-            let results = &ws.results[..batch.elements.len()];
-            scatter.scatter(model.elements(), batch.elements.start, results, &mut ws.upper, &mut ws.f_int);
+            scatter.scatter(&model.packs()[batch.packs.clone()], batch.elements.start, &ws.results, &mut ws.sums);
         }
         report
     };
+    ws.f_int.copy_from_slice(&ws.sums.forces);
     AssemblyReport::new(report, model)
 }
 

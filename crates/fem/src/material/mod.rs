@@ -8,6 +8,7 @@
 
 pub mod corotational;
 pub mod hyperelastic;
+pub mod kernel;
 mod lame;
 pub mod neo_hookean;
 pub mod principal;
@@ -20,7 +21,10 @@ pub use self::{
     lame::{Lame, MaterialError},
     neo_hookean::NeoHookean,
 };
-use crate::element::{ElementMatrices, Tetrahedron};
+use crate::{
+    element::{ElementMatrices, Tetrahedron},
+    pack::{Pack, PackMatrices},
+};
 
 /// Elements of one law that are computed together; results of a batch stay in the first-level cache.
 pub const BATCH: usize = 32;
@@ -43,22 +47,8 @@ pub trait Law: Copy + Send + Sync {
     /// semidefinite tangent in the space of `F`. Returns whether the filter changed the tangent.
     fn element(&self, element: &Tetrahedron, edges: &Matrix3<f64>, filter: bool, out: &mut ElementMatrices) -> bool;
 
-    /// [`Law::element`] for a batch of at most [`BATCH`] elements. `out` is as long as `elements`.
-    fn batch(
-        &self,
-        elements: &[Tetrahedron],
-        q: &[Vector3<f64>],
-        filter: bool,
-        out: &mut [ElementMatrices],
-    ) -> BatchReport {
-        let mut report = BatchReport::default();
-        for (k, (element, out)) in elements.iter().zip(out).enumerate() {
-            let edges = element.edges(q);
-            let filtered = self.element(element, &edges, filter, out);
-            report.note(k as u32, edges.determinant() / (6.0 * element.volume), filtered, out.is_finite());
-        }
-        report
-    }
+    /// [`Law::element`] for packs of elements, several at once. `out` is as long as `packs`.
+    fn batch(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport;
 }
 
 /// What happened in a batch of elements, or in a whole body; elements are counted from the first of the batch or body.
@@ -181,12 +171,12 @@ macro_rules! materials {
 
             fn batch(
                 &self,
-                elements: &[Tetrahedron],
+                packs: &[Pack],
                 q: &[Vector3<f64>],
                 filter: bool,
-                out: &mut [ElementMatrices],
+                out: &mut [PackMatrices],
             ) -> BatchReport {
-                match self { $(Self::$variant(law) => law.batch(elements, q, filter, out)),+ }
+                match self { $(Self::$variant(law) => law.batch(packs, q, filter, out)),+ }
             }
         }
 

@@ -14,14 +14,14 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use super::{
     Lame, MaterialError,
-    hyperelastic::{Hyperelastic, Response, StrainFactor, VolumeFactor},
+    hyperelastic::{Hyperelastic, Isotropic, Response, StrainFactor, VolumeFactor},
     lame::validate_young_poisson,
 };
+use crate::lanes::Real;
 
 /// Volume ratio below which the volumetric energy is continued by a quadratic. Tissue that is crushed to a fifth of its
 /// volume is beyond any measured law; above, the law is exact.
@@ -94,41 +94,31 @@ impl Hyperelastic for NeoHookean {
         Lame::from_young_poisson(self.young, self.poisson)
     }
 
-    #[inline]
-    fn response(&self, C: &Matrix3<f64>, J: f64) -> Response {
+    #[inline(always)]
+    fn response<T: Real>(&self, I1: T, _: T, J: T) -> Response<T> {
         let Lame { mu, lambda: k0 } = self.small_strain();
+        let zero = J.constant(0.0);
         let shear = StrainFactor {
-            value: 0.5 * mu * (C.trace() - 3.0),
-            S: Matrix3::from_diagonal_element(mu),
-            alpha: 0.0,
-            beta: 0.0,
+            value: (I1 - 3.0) * (0.5 * mu),
+            S: Isotropic { identity: J.constant(mu), strain: zero },
+            alpha: zero,
+            beta: zero,
         };
-        let mut response = Response::default();
-        response.add(&VolumeFactor::ONE, &shear);
-        response.add_volume(&volume(mu, k0, J));
-        response
+        Response::volume(&volume(mu, k0, J)).with_strain(&shear)
     }
 }
 
 /// `f, f', f''` of the volumetric term, with its extension.
-#[inline]
-fn volume(mu: f64, k0: f64, J: f64) -> VolumeFactor {
-    let at = if J > EXTENSION_BELOW { J } else { EXTENSION_BELOW };
+#[inline(always)]
+fn volume<T: Real>(mu: f64, k0: f64, J: T) -> VolumeFactor<T> {
+    let end = J.constant(EXTENSION_BELOW);
+    let at = J.larger(end);
     let ln = at.ln();
     let inverse = at.recip();
-    let factor = VolumeFactor {
-        value: (0.5 * k0 * ln - mu) * ln,
-        first: (k0 * ln - mu) * inverse,
-        second: (k0 * (1.0 - ln) + mu) * inverse * inverse,
-    };
-    if J > EXTENSION_BELOW {
-        return factor;
-    }
-    // Also reached by NaN, which then spreads and is reported.
-    let d = J - EXTENSION_BELOW;
-    VolumeFactor {
-        value: factor.value + d * (factor.first + 0.5 * d * factor.second),
-        first: factor.first + d * factor.second,
-        second: factor.second,
-    }
+    let value = (ln * (0.5 * k0) - mu) * ln;
+    let first = (ln * k0 - mu) * inverse;
+    let second = (-(ln * k0) + (k0 + mu)) * inverse * inverse;
+    // Zero above the end of the law; NaN there, and so everywhere, where J is NaN.
+    let d = J - at;
+    VolumeFactor { value: value + d * (first + d * second * 0.5), first: first + d * second, second }
 }

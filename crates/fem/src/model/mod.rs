@@ -12,6 +12,7 @@ use crate::{
     element::Tetrahedron,
     material::{BATCH, Law, Material},
     mesh::TetMesh,
+    pack::{PACK, Pack},
     sparse::{BlockPattern, FIXED},
 };
 
@@ -28,6 +29,7 @@ pub struct FemState {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Batch {
     pub(crate) elements: Range<usize>,
+    pub(crate) packs: Range<usize>,
     pub(crate) material: Material,
 }
 
@@ -39,6 +41,7 @@ pub struct FemModel {
     free_tetrahedra: Vec<[u32; 4]>,
     mesh_tetrahedron: Vec<u32>,
     batches: Vec<Batch>,
+    packs: Vec<Pack>,
     mass: Vec<f64>,
     free_of_node: Vec<u32>,
     node_of_free: Vec<u32>,
@@ -98,14 +101,16 @@ impl FemModel {
         let free_tetrahedra: Vec<[u32; 4]> =
             elements.iter().map(|e| e.nodes.map(|i| free_of_node[i as usize])).collect();
         let pattern = Arc::new(BlockPattern::from_elements(node_of_free.len(), &free_tetrahedra));
-        let scatter = ScatterLists::new(&pattern, &elements, &free_tetrahedra, mesh.nodes.len());
-        let batches = batches(order.iter().map(|&t| material_of_region[region_of(t as usize)]), &materials);
+        let (batches, packs) =
+            batches(order.iter().map(|&t| material_of_region[region_of(t as usize)]), &materials, &elements);
+        let scatter = ScatterLists::new(&pattern, &packs, &free_of_node);
         Ok(Self {
             q_rest: mesh.nodes.clone(),
             elements,
             free_tetrahedra,
             mesh_tetrahedron: order,
             batches,
+            packs,
             mass,
             free_of_node,
             node_of_free,
@@ -197,6 +202,11 @@ impl FemModel {
         &self.batches
     }
 
+    /// Elements in packs of one material each, in the order of [`FemModel::elements`].
+    pub fn packs(&self) -> &[Pack] {
+        &self.packs
+    }
+
     pub(crate) fn scatter(&self) -> &ScatterLists {
         &self.scatter
     }
@@ -273,16 +283,26 @@ fn number_free_nodes(nodes: usize, fixed: &[u32]) -> (Vec<u32>, Vec<u32>) {
     (free_of_node, node_of_free)
 }
 
-/// Runs of one material, cut into batches. `material_of_element` is grouped.
-fn batches(material_of_element: impl Iterator<Item = usize>, materials: &[Material]) -> Vec<Batch> {
+/// Runs of one material, cut into batches and these into packs. `material_of_element` is grouped.
+fn batches(
+    material_of_element: impl Iterator<Item = usize>,
+    materials: &[Material],
+    elements: &[Tetrahedron],
+) -> (Vec<Batch>, Vec<Pack>) {
     let mut batches: Vec<Batch> = Vec::new();
     let mut last = usize::MAX;
     for (e, m) in material_of_element.enumerate() {
         match batches.last_mut() {
             Some(batch) if m == last && batch.elements.len() < BATCH => batch.elements.end = e + 1,
-            _ => batches.push(Batch { elements: e..e + 1, material: materials[m] }),
+            _ => batches.push(Batch { elements: e..e + 1, packs: 0..0, material: materials[m] }),
         }
         last = m;
     }
-    batches
+    let mut packs = Vec::with_capacity(elements.len().div_ceil(PACK) + materials.len());
+    for batch in &mut batches {
+        let first = packs.len();
+        packs.extend(elements[batch.elements.clone()].chunks(PACK).filter_map(Pack::new));
+        batch.packs = first..packs.len();
+    }
+    (batches, packs)
 }
