@@ -66,7 +66,8 @@ impl Pack {
                     k += 1;
                 }
             }
-            let even = (0..4).flat_map(|a| (0..a).map(move |b| (b, a))).filter(|&(b, a)| order[b] > order[a]).count() % 2;
+            let even =
+                (0..4).flat_map(|a| (0..a).map(move |b| (b, a))).filter(|&(b, a)| order[b] > order[a]).count() % 2;
             let sign = if even == 0 { 1.0 } else { -1.0 };
             pack.inverse_det[lane] = sign / (6.0 * element.volume);
             pack.volume[lane] = element.volume;

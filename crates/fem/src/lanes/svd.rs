@@ -44,11 +44,10 @@ pub fn signed_svd<T: Real>(F: &Mat3<T>) -> Frames<T> {
     let unit = scale.or_where_not(large, scale.or_where_not(small, one)).or_where_not(present, one);
     let per_unit = unit.recip();
     let F = [scaled(&F[0], per_unit), scaled(&F[1], per_unit), scaled(&F[2], per_unit)];
-    let (_, mut v) = eigenvectors([norm_squared(&F[0]), norm_squared(&F[1]), norm_squared(&F[2])], [
-        dot(&F[1], &F[2]),
-        dot(&F[0], &F[2]),
-        dot(&F[0], &F[1]),
-    ]);
+    let (_, mut v) = eigenvectors(
+        [norm_squared(&F[0]), norm_squared(&F[1]), norm_squared(&F[2])],
+        [dot(&F[1], &F[2]), dot(&F[0], &F[2]), dot(&F[0], &F[1])],
+    );
     let mut b = [matrix_product(&F, &v[0]), matrix_product(&F, &v[1]), matrix_product(&F, &v[2])];
     for _ in 0..SWEEPS {
         let rotated = rotate(&mut b, &mut v, 0, 1) | rotate(&mut b, &mut v, 0, 2) | rotate(&mut b, &mut v, 1, 2);

@@ -113,13 +113,7 @@ impl Law for Corotational {
         acted
     }
 
-    fn batch(
-        &self,
-        packs: &[Pack],
-        q: &[Vector3<f64>],
-        filter: bool,
-        out: &mut [PackMatrices],
-    ) -> BatchReport {
+    fn batch(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
         principal_batch(self, packs, q, filter, out)
     }
 }

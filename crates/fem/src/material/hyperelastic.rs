@@ -197,13 +197,7 @@ impl<L: Hyperelastic> Law for L {
         false
     }
 
-    fn batch(
-        &self,
-        packs: &[Pack],
-        q: &[Vector3<f64>],
-        filter: bool,
-        out: &mut [PackMatrices],
-    ) -> BatchReport {
+    fn batch(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
         if filter { principal_batch(self, packs, q, true, out) } else { six_pieces_batch(self, packs, q, out) }
     }
 }

@@ -54,16 +54,24 @@ fn parts<S: Simd>(pack: &Pack) -> usize {
 
 #[inline(always)]
 fn load3<S: Simd>(simd: S, rows: &[Row; 3], part: usize) -> Vec3<Lanes<S>> {
-    [
-        Lanes::load(simd, &rows[0], part),
-        Lanes::load(simd, &rows[1], part),
-        Lanes::load(simd, &rows[2], part),
-    ]
+    [Lanes::load(simd, &rows[0], part), Lanes::load(simd, &rows[1], part), Lanes::load(simd, &rows[2], part)]
 }
 
 #[inline(always)]
 fn load33<S: Simd>(simd: S, rows: &[[Row; 3]; 3], part: usize) -> Mat3<Lanes<S>> {
     [load3(simd, &rows[0], part), load3(simd, &rows[1], part), load3(simd, &rows[2], part)]
+}
+
+#[inline(always)]
+fn load6<S: Simd>(simd: S, rows: &[Row; 6], part: usize) -> [Lanes<S>; 6] {
+    [
+        Lanes::load(simd, &rows[0], part),
+        Lanes::load(simd, &rows[1], part),
+        Lanes::load(simd, &rows[2], part),
+        Lanes::load(simd, &rows[3], part),
+        Lanes::load(simd, &rows[4], part),
+        Lanes::load(simd, &rows[5], part),
+    ]
 }
 
 #[inline(always)]

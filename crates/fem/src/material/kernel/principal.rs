@@ -9,9 +9,11 @@
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{Free, TRIANGLE, dispatch, for_packs, load3, load33, parts, store3, store33};
+use super::{Free, TRIANGLE, dispatch, for_packs, load3, load6, load33, parts, store3, store33};
 use crate::{
-    lanes::{Lanes, Mat3, Real, Vec3, cross, dot, eigenvectors, matrix_product, scaled, signed_svd, transposed_product},
+    lanes::{
+        Lanes, Mat3, Real, Vec3, cross, dot, eigenvectors, matrix_product, scaled, signed_svd, transposed_product,
+    },
     material::{BatchReport, principal::ROUNDING},
     pack::{PACK, Pack, PackMatrices, Row},
 };
@@ -148,10 +150,9 @@ impl WithSimd for Assemble<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { pack, edges, filter, scratch, out } = self;
         for part in 0..parts::<S>(pack) {
-            let load = |row: &Row| Lanes::load(simd, row, part);
             let mut response = PrincipalResponse {
                 stress: load3(simd, &scratch.stress, part),
-                scaling: scratch.scaling.each_ref().map(load),
+                scaling: load6(simd, &scratch.scaling, part),
                 flip: load3(simd, &scratch.flip, part),
                 twist: load3(simd, &scratch.twist, part),
             };
@@ -163,8 +164,8 @@ impl WithSimd for Assemble<'_> {
             let D = load33(simd, &pack.shape, part);
             let g = [transposed_product(&V, &D[0]), transposed_product(&V, &D[1]), transposed_product(&V, &D[2])];
             let e = load33(simd, edges, part);
-            let J = dot(&e[0], &cross(&e[1], &e[2])) * load(&pack.inverse_det);
-            assemble(&response, &U, &g, load(&pack.volume), J).store(out, part);
+            let J = dot(&e[0], &cross(&e[1], &e[2])) * Lanes::load(simd, &pack.inverse_det, part);
+            assemble(&response, &U, &g, Lanes::load(simd, &pack.volume, part), J).store(out, part);
         }
     }
 }
@@ -196,16 +197,15 @@ fn filter_response<T: Real>(response: &mut PrincipalResponse<T>) -> T {
     let indefinite = indefinite.above(zero);
     if zero.any(indefinite) {
         let (values, vectors) = eigenvectors([A[0], A[3], A[5]], [A[4], A[2], A[1]]);
-        let missing = values.map(|x| zero.or_where_not(x.above(zero), -x).or_where_not(indefinite, zero));
-        let scaled = [
-            scaled(&vectors[0], missing[0]),
-            scaled(&vectors[1], missing[1]),
-            scaled(&vectors[2], missing[2]),
-        ];
+        let mut lifted = vectors;
+        for a in 0..3 {
+            let missing = zero.or_where_not(values[a].above(zero), -values[a]);
+            lifted[a] = scaled(&vectors[a], missing.or_where_not(indefinite, zero));
+        }
         let mut change = zero;
         for c in 0..3 {
             for r in c..3 {
-                let add = scaled[0][r] * vectors[0][c] + scaled[1][r] * vectors[1][c] + scaled[2][r] * vectors[2][c];
+                let add = lifted[0][r] * vectors[0][c] + lifted[1][r] * vectors[1][c] + lifted[2][r] * vectors[2][c];
                 change = add.abs().larger(change);
                 A[TRIANGLE[r][c]] = A[TRIANGLE[r][c]] + add;
             }
@@ -233,43 +233,73 @@ fn assemble<T: Real>(response: &PrincipalResponse<T>, U: &Mat3<T>, g: &Mat3<T>, 
     for x in &mut A {
         *x = *x * V0;
     }
-    let block = |i: usize, j: usize| {
-        let (x, y) = (&g[i], &g[j]);
-        // Columns of the block in the frame, each turned by U.
-        let mut turned = *g;
+    let frame = Frame { U, A: &A, shear: &shear, coupling: &coupling };
+    Free {
+        forces,
+        diagonal: [frame.triangle(&g[0]), frame.triangle(&g[1]), frame.triangle(&g[2])],
+        off_diagonal: [frame.block(&g[0], &g[1]), frame.block(&g[0], &g[2]), frame.block(&g[1], &g[2])],
+        jacobian: J,
+    }
+}
+
+/// The tangent in the frames, times the volume.
+struct Frame<'a, T> {
+    U: &'a Mat3<T>,
+    A: &'a [T; 6],
+    shear: &'a Vec3<T>,
+    coupling: &'a Vec3<T>,
+}
+
+impl<T: Real> Frame<'_, T> {
+    /// Columns of the block of two shape vectors `x` and `y` in the rest frame, each turned by `U`.
+    #[inline(always)]
+    fn turned(&self, x: &Vec3<T>, y: &Vec3<T>) -> Mat3<T> {
+        let mut turned = *self.U;
         for c in 0..3 {
             let mut column = *x;
             for r in 0..3 {
                 column[r] = if r == c {
                     let (p, q) = ((r + 1) % 3, (r + 2) % 3);
-                    A[TRIANGLE[r][r]] * x[r] * y[r] + shear[q] * x[p] * y[p] + shear[p] * x[q] * y[q]
+                    self.A[TRIANGLE[r][r]] * x[r] * y[r] + self.shear[q] * x[p] * y[p] + self.shear[p] * x[q] * y[q]
                 } else {
-                    A[TRIANGLE[r][c]] * x[r] * y[c] + coupling[3 - r - c] * x[c] * y[r]
+                    self.A[TRIANGLE[r][c]] * x[r] * y[c] + self.coupling[3 - r - c] * x[c] * y[r]
                 };
             }
-            turned[c] = matrix_product(U, &column);
+            turned[c] = matrix_product(self.U, &column);
         }
         turned
-    };
-    let entry = |turned: &Mat3<T>, r: usize, c: usize| turned[0][r] * U[0][c] + turned[1][r] * U[1][c] + turned[2][r] * U[2][c];
-    let triangle = |i: usize| {
-        let t = block(i, i);
-        [entry(&t, 0, 0), entry(&t, 1, 0), entry(&t, 2, 0), entry(&t, 1, 1), entry(&t, 2, 1), entry(&t, 2, 2)]
-    };
-    let full = |i: usize, j: usize| {
-        let t = block(i, j);
-        let mut out = t;
+    }
+
+    /// Entry `(r, c)` of `turned Uᵀ`.
+    #[inline(always)]
+    fn entry(&self, turned: &Mat3<T>, r: usize, c: usize) -> T {
+        turned[0][r] * self.U[0][c] + turned[1][r] * self.U[1][c] + turned[2][r] * self.U[2][c]
+    }
+
+    /// Triangle of the block `K_ii`.
+    #[inline(always)]
+    fn triangle(&self, x: &Vec3<T>) -> [T; 6] {
+        let t = self.turned(x, x);
+        [
+            self.entry(&t, 0, 0),
+            self.entry(&t, 1, 0),
+            self.entry(&t, 2, 0),
+            self.entry(&t, 1, 1),
+            self.entry(&t, 2, 1),
+            self.entry(&t, 2, 2),
+        ]
+    }
+
+    /// Block `K_ij`.
+    #[inline(always)]
+    fn block(&self, x: &Vec3<T>, y: &Vec3<T>) -> Mat3<T> {
+        let t = self.turned(x, y);
+        let mut block = t;
         for c in 0..3 {
             for r in 0..3 {
-                out[c][r] = entry(&t, r, c);
+                block[c][r] = self.entry(&t, r, c);
             }
         }
-        out
-    };
-    Free {
-        forces,
-        diagonal: [triangle(0), triangle(1), triangle(2)],
-        off_diagonal: [full(0, 1), full(0, 2), full(1, 2)],
-        jacobian: J,
+        block
     }
 }

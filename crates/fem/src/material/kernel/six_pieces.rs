@@ -12,12 +12,12 @@
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{Free, TRIANGLE, dispatch, for_packs, load33, parts};
+use super::{Free, TRIANGLE, dispatch, for_packs, load6, load33, parts};
 use crate::{
-    lanes::{Lanes, Mat3, Real, cross, dot, scaled, sum},
+    lanes::{Lanes, Mat3, Real, Vec3, cross, dot, scaled, sum},
     material::{
         BatchReport,
-        hyperelastic::{Hyperelastic, Isotropic},
+        hyperelastic::{Hyperelastic, Isotropic, Response},
     },
     pack::{Pack, PackMatrices, Row},
 };
@@ -47,17 +47,10 @@ impl<L: Hyperelastic> WithSimd for SixPieces<'_, L> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { law, pack, edges, out } = self;
         for part in 0..parts::<S>(pack) {
-            let load = |row: &Row| Lanes::load(simd, row, part);
             let e = load33(simd, edges, part);
-            let gram = [
-                load(&pack.gram[0]),
-                load(&pack.gram[1]),
-                load(&pack.gram[2]),
-                load(&pack.gram[3]),
-                load(&pack.gram[4]),
-                load(&pack.gram[5]),
-            ];
-            let free = six_pieces(law, &e, &gram, load(&pack.inverse_det), load(&pack.volume));
+            let gram = load6(simd, &pack.gram, part);
+            let inverse_det = Lanes::load(simd, &pack.inverse_det, part);
+            let free = six_pieces(law, &e, &gram, inverse_det, Lanes::load(simd, &pack.volume, part));
             free.store(out, part);
         }
         out.filtered = [0.0; 8];
@@ -90,9 +83,39 @@ fn six_pieces<T: Real, L: Hyperelastic>(law: &L, e: &Mat3<T>, gram: &[T; 6], inv
     let I2 = (FF[0] * FF[3] - FF[1] * FF[1]) + (FF[0] * FF[5] - FF[2] * FF[2]) + (FF[3] * FF[5] - FF[4] * FF[4]);
     let r = law.response(I1, I2, J);
 
-    // F S D_i for S = identity I + strain C.
-    let stretched = |S: &Isotropic<T>, i: usize| {
-        let v = &FD[i];
+    let at = Deformed { dJ: &dJ, FD: &FD, FF: &FF, gram, r: &r, V0 };
+    let minus_V0 = -V0;
+    let mut forces = *e;
+    for i in 0..3 {
+        forces[i] = scaled(&sum(&at.stretched::<L>(&r.S, i), &scaled(&dJ[i], r.s1)), minus_V0);
+    }
+    // V0 s1 ∂²J/∂q_i∂q_j: D_1 x D_2 = E_3 / det E and its cyclic permutations.
+    let s = r.s1 * V0 * inverse_det;
+    let off_diagonal = [
+        subtract_skew(at.block::<L>(0, 1), &scaled(&e[2], s)),
+        subtract_skew(at.block::<L>(0, 2), &scaled(&e[1], -s)),
+        subtract_skew(at.block::<L>(1, 2), &scaled(&e[0], s)),
+    ];
+    let diagonal = [at.triangle::<L>(0), at.triangle::<L>(1), at.triangle::<L>(2)];
+    Free { forces, diagonal, off_diagonal, jacobian: J }
+}
+
+/// A deformed element with the response of its law.
+struct Deformed<'a, T> {
+    dJ: &'a Mat3<T>,
+    FD: &'a Mat3<T>,
+    /// Triangle of `F Fᵀ`.
+    FF: &'a [T; 6],
+    gram: &'a [T; 6],
+    r: &'a Response<T>,
+    V0: T,
+}
+
+impl<T: Real> Deformed<'_, T> {
+    /// `F S D_i`.
+    #[inline(always)]
+    fn stretched<L: Hyperelastic>(&self, S: &Isotropic<T>, i: usize) -> Vec3<T> {
+        let (v, FF) = (&self.FD[i], self.FF);
         let along = scaled(v, S.identity);
         if !L::CURVED {
             return along;
@@ -103,20 +126,18 @@ fn six_pieces<T: Real, L: Hyperelastic>(law: &L, e: &Mat3<T>, gram: &[T; 6], inv
             FF[2] * v[0] + FF[4] * v[1] + FF[5] * v[2],
         ];
         sum(&along, &scaled(&through, S.strain))
-    };
-    let minus_V0 = -V0;
-    let mut forces = *e;
-    for i in 0..3 {
-        forces[i] = scaled(&sum(&stretched(&r.S, i), &scaled(&dJ[i], r.s1)), minus_V0);
     }
 
-    let block = |i: usize, j: usize| {
-        // (left_i) dJ_jᵀ + dJ_i (mixed_j)ᵀ with left = s2 dJ + mixed.
+    /// Block `K_ij` without its skew part.
+    #[inline(always)]
+    fn block<L: Hyperelastic>(&self, i: usize, j: usize) -> Mat3<T> {
+        let Self { dJ, FD, FF, gram, r, V0 } = *self;
+        // (s2 dJ_i + F S' D_i) dJ_jᵀ + dJ_i (F S' D_j)ᵀ.
         let mut left = scaled(&dJ[i], r.s2 * V0);
         let mut mixed = left;
         if L::MIXED {
-            left = sum(&left, &scaled(&stretched(&r.S_prime, i), V0));
-            mixed = scaled(&stretched(&r.S_prime, j), V0);
+            left = sum(&left, &scaled(&self.stretched::<L>(&r.S_prime, i), V0));
+            mixed = scaled(&self.stretched::<L>(&r.S_prime, j), V0);
         }
         let mut geometric = r.S.identity * gram[TRIANGLE[i][j]];
         if L::CURVED {
@@ -126,7 +147,7 @@ fn six_pieces<T: Real, L: Hyperelastic>(law: &L, e: &Mat3<T>, gram: &[T; 6], inv
         let alpha = scaled(&FD[i], (r.alpha + r.alpha) * V0);
         let beta = scaled(&FD[j], r.beta * V0);
         let beta_gram = r.beta * V0 * gram[TRIANGLE[i][j]];
-        let mut block = dJ;
+        let mut block = *dJ;
         for c in 0..3 {
             for k in 0..3 {
                 let mut entry = left[k] * dJ[j][c];
@@ -140,19 +161,14 @@ fn six_pieces<T: Real, L: Hyperelastic>(law: &L, e: &Mat3<T>, gram: &[T; 6], inv
             }
         }
         block
-    };
-    let triangle = |i: usize| {
-        let b = block(i, i);
+    }
+
+    /// Triangle of the block `K_ii`.
+    #[inline(always)]
+    fn triangle<L: Hyperelastic>(&self, i: usize) -> [T; 6] {
+        let b = self.block::<L>(i, i);
         [b[0][0], b[0][1], b[0][2], b[1][1], b[1][2], b[2][2]]
-    };
-    // V0 s1 ∂²J/∂q_i∂q_j: D_1 x D_2 = E_3 / det E and its cyclic permutations.
-    let s = r.s1 * V0 * inverse_det;
-    let off_diagonal = [
-        subtract_skew(block(0, 1), &scaled(&e[2], s)),
-        subtract_skew(block(0, 2), &scaled(&e[1], -s)),
-        subtract_skew(block(1, 2), &scaled(&e[0], s)),
-    ];
-    Free { forces, diagonal: [triangle(0), triangle(1), triangle(2)], off_diagonal, jacobian: J }
+    }
 }
 
 /// `block - [w]x`, with `[w]x u = w x u`.
