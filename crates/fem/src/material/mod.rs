@@ -2,23 +2,40 @@
 //!
 //! A law gives the energy density `Ψ(F)` (J/m³), the first Piola stress `P = ∂Ψ/∂F` (Pa) and what one linear tetrahedron
 //! adds to the stiffness. All three are derivatives of one energy, also beyond the physical domain (inverted elements).
+//! Every law is linear in two moduli, `Ψ = μ ψ_s + k ψ_b` with the shear modulus `μ` and the bulk modulus `k` at small
+//! strain: [`Law::relaxed`] lowers the first, which is what viscosity acts on.
 //! A new law is one file and one line in `materials!`.
 
 #![allow(non_snake_case)]
 
+pub mod arruda_boyce;
 pub mod corotational;
 pub mod hyperelastic;
 mod lame;
+pub mod linear;
+pub mod mooney_rivlin;
 pub mod neo_hookean;
+pub mod ogden;
 pub mod principal;
+pub mod st_venant_kirchhoff;
+pub mod stable_neo_hookean;
+pub mod veronda_westmann;
+pub(crate) mod volume;
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 pub use self::{
+    arruda_boyce::ArrudaBoyce,
     corotational::Corotational,
     lame::{Lame, MaterialError},
+    linear::Linear,
+    mooney_rivlin::MooneyRivlin,
     neo_hookean::NeoHookean,
+    ogden::Ogden,
+    st_venant_kirchhoff::StVenantKirchhoff,
+    stable_neo_hookean::StableNeoHookean,
+    veronda_westmann::VerondaWestmann,
 };
 use crate::element::{ElementMatrices, Tetrahedron};
 
@@ -32,6 +49,15 @@ pub trait Law: Copy + Send + Sync {
 
     /// Lamé parameters of the linear elasticity that the law tends to at small strain.
     fn small_strain(&self) -> Lame;
+
+    /// The law with its shear modulus times `1 - share`, at the same bulk modulus; `share` in `[0, 1)`. The laws are linear
+    /// in both moduli: energy, stress and tangent of the shear part are `(law - law.relaxed(share)) / share`.
+    fn relaxed(&self, share: f64) -> Self;
+
+    /// Whether a rotation of the body leaves the energy as it is: every law but the linear one.
+    fn is_frame_indifferent(&self) -> bool {
+        true
+    }
 
     /// Energy density `Ψ(F)` (J/m³), zero at rest.
     fn energy_density(&self, F: &Matrix3<f64>) -> f64;
@@ -103,6 +129,15 @@ impl BatchReport {
         self
     }
 
+    /// The points of one element as that element: counted once, whatever the number of its points.
+    pub(crate) fn as_one(mut self, element: u32) -> Self {
+        self.filtered = self.filtered.min(1);
+        self.inverted = self.inverted.min(1);
+        self.min_jacobian_element = if self.min_jacobian_element == u32::MAX { u32::MAX } else { element };
+        self.non_finite = self.non_finite.map(|_| element);
+        self
+    }
+
     /// Both reports together; independent of the order of merging.
     pub(crate) fn merged(self, other: Self) -> Self {
         let (a, b) = ((self.min_jacobian, self.min_jacobian_element), (other.min_jacobian, other.min_jacobian_element));
@@ -161,6 +196,14 @@ macro_rules! materials {
                 match self { $(Self::$variant(law) => law.small_strain()),+ }
             }
 
+            fn relaxed(&self, share: f64) -> Self {
+                match self { $(Self::$variant(law) => Self::$variant(Law::relaxed(law, share))),+ }
+            }
+
+            fn is_frame_indifferent(&self) -> bool {
+                match self { $(Self::$variant(law) => law.is_frame_indifferent()),+ }
+            }
+
             fn energy_density(&self, F: &Matrix3<f64>) -> f64 {
                 match self { $(Self::$variant(law) => law.energy_density(F)),+ }
             }
@@ -203,4 +246,11 @@ macro_rules! materials {
 materials! {
     NeoHookean = "neo_hookean",
     Corotational = "corotational",
+    Linear = "linear",
+    StVenantKirchhoff = "st_venant_kirchhoff",
+    StableNeoHookean = "stable_neo_hookean",
+    MooneyRivlin = "mooney_rivlin",
+    ArrudaBoyce = "arruda_boyce",
+    VerondaWestmann = "veronda_westmann",
+    Ogden = "ogden",
 }
