@@ -38,6 +38,8 @@ pub struct FemWorkspace {
     pub rhs: Vec<f64>,
     /// Internal force on every mesh node (N), fixed ones included: there it is minus the reaction.
     pub f_int: Vec<Vector3<f64>>,
+    /// Whether the next assemblies filter the tangents; at first what the model says.
+    pub filter: bool,
     /// Upper blocks of `K`.
     upper: Vec<Matrix3<f64>>,
     /// Element results: one batch on one thread, all batches on several.
@@ -56,6 +58,7 @@ impl FemWorkspace {
             system: SystemMatrix::zeros(model.pattern().clone()),
             rhs: vec![0.0; 3 * model.free_nodes()],
             f_int: vec![Vector3::zeros(); model.nodes()],
+            filter: model.filter(),
             upper: vec![Matrix3::zeros(); model.scatter().upper_blocks()],
             results: vec![ElementMatrices::ZERO; batches * BATCH],
             slot: if parallel { slots(model.batches()) } else { Vec::new() },
@@ -201,9 +204,10 @@ fn system_block(K: &Matrix3<f64>, coefficients: Coefficients, mass: f64, diagona
 /// Computes all elements and sums them into `ws.upper` and `ws.f_int`.
 fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) -> AssemblyReport {
     let scatter = model.scatter();
+    let filter = ws.filter;
     let compute = |batch: &crate::model::Batch, results: &mut [ElementMatrices]| {
         let elements = &model.elements()[batch.elements.clone()];
-        let report = batch.material.batch(elements, &state.q, model.filter(), &mut results[..elements.len()]);
+        let report = batch.material.batch(elements, &state.q, filter, &mut results[..elements.len()]);
         report.shifted(batch.elements.start as u32)
     };
     let parallel = !ws.slot.is_empty() && rayon::current_num_threads() > 1;
