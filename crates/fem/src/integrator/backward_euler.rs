@@ -8,7 +8,7 @@
 use nalgebra::Vector3;
 
 use super::{
-    newton::{ImplicitWorkspace, NewtonConfig, NewtonReport, NewtonStatus, minimise},
+    newton::{ImplicitWorkspace, NewtonConfig, NewtonReport, NewtonStatus, factor_definite, minimise},
     nodal,
     potential::Potential,
 };
@@ -53,6 +53,13 @@ pub fn linearised_step(
         }
     }
     LinearisedReport { assembly, factor, advanced }
+}
+
+/// Factors the system matrix of the end of the last [`newton_step`] into `ws.factor`, filtered where the exact one is not
+/// positive definite: the compliance of contacts that correct the step. False where it cannot be factored.
+pub fn factor_end(model: &FemModel, dt: f64, state: &FemState, ws: &mut ImplicitWorkspace) -> bool {
+    let potential = Potential { model, f_ext: &[], load: 1.0, dt: Some(dt) };
+    factor_definite(&potential, state, ws, &mut NewtonReport::begin()).is_ok()
 }
 
 /// One step `dt` (s) by Newton's method with line search on the incremental potential, from the state at its begin.

@@ -16,7 +16,7 @@
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use super::critical_step::CriticalStep;
+use super::{critical_step::CriticalStep, nodal};
 use crate::{
     assembly::{FemWorkspace, internal_forces},
     model::{FemModel, FemState},
@@ -31,6 +31,8 @@ pub struct ExplicitWorkspace {
     earlier: Vec<Vector3<f64>>,
     /// The configuration a step earlier.
     before: FemState,
+    /// Velocities of the free nodes after the step.
+    velocity: Vec<f64>,
 }
 
 impl ExplicitWorkspace {
@@ -41,16 +43,22 @@ impl ExplicitWorkspace {
             fem: FemWorkspace::new(model),
             earlier: if damped { vec![Vector3::zeros(); model.nodes()] } else { Vec::new() },
             before: if damped { model.rest_state() } else { FemState::default() },
+            velocity: vec![0.0; 3 * model.free_nodes()],
         }
+    }
+
+    /// Velocities (m/s) that the last [`explicit_velocity`] found, `3 n` values over the free nodes.
+    pub fn velocity(&self) -> &[f64] {
+        &self.velocity
     }
 }
 
 /// What an explicit step did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExplicitReport {
-    /// A node whose motion is not finite; the state is then what it was.
+    /// First node whose motion is not finite; the state is then what it was.
     pub non_finite: Option<u32>,
-    /// Largest speed of a node (m/s).
+    /// Largest speed of a node whose speed is a number (m/s).
     pub fastest: f64,
 }
 
@@ -109,25 +117,39 @@ pub fn explicit_step(
     state: &mut FemState,
     ws: &mut ExplicitWorkspace,
 ) -> ExplicitReport {
+    let report = explicit_velocity(model, dt, f_ext, state, ws);
+    if report.non_finite.is_none() {
+        for (k, &node) in model.node_of_free().iter().enumerate() {
+            let i = node as usize;
+            state.v[i] = nodal(&ws.velocity, k);
+            state.q[i] += state.v[i] * dt;
+        }
+    }
+    report
+}
+
+/// The velocity `v⁺` of the free nodes after a step `dt` (s), into [`ExplicitWorkspace::velocity`]; the state stays.
+/// For steps that correct it by contact before they move.
+pub fn explicit_velocity(
+    model: &FemModel,
+    dt: f64,
+    f_ext: &[Vector3<f64>],
+    state: &FemState,
+    ws: &mut ExplicitWorkspace,
+) -> ExplicitReport {
     forces(model, dt, state, ws);
     let half = 0.5 * dt * model.rayleigh_mass();
-    let mut fastest = 0.0_f64;
-    for &node in model.node_of_free() {
+    let mut report = ExplicitReport { non_finite: None, fastest: 0.0 };
+    for (k, &node) in model.node_of_free().iter().enumerate() {
         let i = node as usize;
         let v = (state.v[i] * (1.0 - half) + acceleration(model, i, f_ext, ws) * dt) / (1.0 + half);
-        if !(v * dt).iter().all(|x| x.is_finite()) {
-            return ExplicitReport { non_finite: Some(node), fastest: f64::INFINITY };
+        if report.non_finite.is_none() && !(v * dt).iter().all(|x| x.is_finite()) {
+            report.non_finite = Some(node);
         }
-        fastest = fastest.max(v.norm());
-        // The velocity waits in the forces' place, so that trouble at a later node leaves the state as it was.
-        ws.fem.f_int[i] = v;
+        report.fastest = report.fastest.max(v.norm());
+        ws.velocity[3 * k..3 * k + 3].copy_from_slice(v.as_slice());
     }
-    for &node in model.node_of_free() {
-        let i = node as usize;
-        state.v[i] = ws.fem.f_int[i];
-        state.q[i] += state.v[i] * dt;
-    }
-    ExplicitReport { non_finite: None, fastest }
+    report
 }
 
 /// Takes the velocity of `state` from the time of `q` to half a step `dt` (s) before it.
