@@ -13,17 +13,16 @@
 #![allow(non_snake_case)]
 
 mod scatter;
+mod sum;
 
 use nalgebra::{Matrix3, Vector3};
-use rayon::prelude::*;
 
 pub(crate) use self::scatter::ScatterLists;
-use self::scatter::{Sums, slots, symmetric};
+use self::{scatter::slots, sum::sum_elements};
 use crate::{
-    element::ElementMatrices,
-    material::{BATCH, BatchReport, Law},
-    model::{Batch, FemModel, FemState},
-    pack::{PACK, PackMatrices},
+    element::{ElementKind, ElementMatrices, NodalShares, quadratic::QuadraticMatrices},
+    material::{BatchReport, Law},
+    model::{FemModel, FemState},
     sparse::SystemMatrix,
 };
 
@@ -39,27 +38,34 @@ pub struct FemWorkspace {
     pub rhs: Vec<f64>,
     /// Internal force on every mesh node (N), fixed ones included: there it is minus the reaction.
     pub f_int: Vec<Vector3<f64>>,
-    /// Sums over the elements.
-    sums: Sums,
-    /// Element results: one batch on one thread, all batches on several.
-    results: Vec<PackMatrices>,
+    /// Whether the next assemblies filter the tangents; at first what the model says.
+    pub filter: bool,
+    /// Upper blocks of `K`.
+    upper: Vec<Matrix3<f64>>,
+    /// Element results: one batch on one thread, all batches on several. Of quadratic bodies in the second list.
+    results: Vec<ElementMatrices>,
+    quadratic_results: Vec<QuadraticMatrices>,
     /// Slot of each element in `results`; empty on one thread.
     slot: Vec<u32>,
 }
 
 impl FemWorkspace {
-    /// Memory for a body. If rayon has several threads here, memory for parallel assembly is included (744 bytes an
-    /// element); a workspace made where it has one assembles on one thread everywhere.
+    /// Memory for a body. If rayon has several threads here, memory for parallel assembly is included (504 bytes an
+    /// element, 4200 a quadratic one); a workspace made where it has one assembles on one thread everywhere.
     pub fn new(model: &FemModel) -> Self {
         let parallel = rayon::current_num_threads() > 1;
-        let batches = if parallel { model.batches().len() } else { 1 };
+        let size = model.batch_size();
+        let results = if parallel { size * model.batches().len() } else { size };
+        let quadratic = model.element_kind() == ElementKind::Quadratic;
         Self {
             system: SystemMatrix::zeros(model.pattern().clone()),
             rhs: vec![0.0; 3 * model.free_nodes()],
             f_int: vec![Vector3::zeros(); model.nodes()],
-            sums: model.scatter().sums(),
-            results: vec![PackMatrices::ZERO; batches * (BATCH / PACK)],
-            slot: if parallel { slots(model.batches()) } else { Vec::new() },
+            filter: model.filter(),
+            upper: vec![Matrix3::zeros(); model.scatter().upper_blocks()],
+            results: vec![ElementMatrices::ZERO; if quadratic { 0 } else { results }],
+            quadratic_results: vec![QuadraticMatrices::ZERO; if quadratic { results } else { 0 }],
+            slot: if parallel { slots(model.batches(), size) } else { Vec::new() },
         }
     }
 }
@@ -119,18 +125,19 @@ pub fn assemble(
     let report = sum_elements(model, state, ws);
     let (alpha, beta) = (model.rayleigh_mass(), model.rayleigh_stiffness());
     let coefficients = Coefficients { mass: 1.0 + dt * alpha, stiffness: dt * (beta + dt) };
-    let sums = &ws.sums;
+    let upper = &ws.upper;
+    let f_int = &ws.f_int;
     for_rows(model, &mut ws.system, &mut ws.rhs, |i, node, blocks| {
         let mass = model.mass()[node];
         let mut Kv = Vector3::zeros();
         for (p, block) in model.pattern().row(i).zip(blocks) {
+            let K = model.scatter().block(p, upper);
             let j = model.pattern().columns()[p] as usize;
-            let K = if i == j { symmetric(sums.diagonal[node]) } else { model.scatter().block(p, &sums.upper) };
             Kv += K * state.v[model.node_of_free()[j] as usize];
             *block = system_block(&K, coefficients, mass, i == j);
         }
         let f = f_ext.get(node).copied().unwrap_or_default()
-            + sums.forces[node]
+            + f_int[node]
             + (model.gravity() - state.v[node] * alpha) * mass;
         f * dt - Kv * coefficients.stiffness
     });
@@ -147,15 +154,15 @@ pub fn assemble_with(
     ws: &mut FemWorkspace,
 ) -> AssemblyReport {
     let report = sum_elements(model, state, ws);
-    let sums = &ws.sums;
+    let upper = &ws.upper;
+    let f_int = &ws.f_int;
     for_rows(model, &mut ws.system, &mut ws.rhs, |i, node, blocks| {
         let mass = model.mass()[node];
         for (p, block) in model.pattern().row(i).zip(blocks) {
             let diagonal = model.pattern().columns()[p] as usize == i;
-            let K = if diagonal { symmetric(sums.diagonal[node]) } else { model.scatter().block(p, &sums.upper) };
-            *block = system_block(&K, coefficients, mass, diagonal);
+            *block = system_block(&model.scatter().block(p, upper), coefficients, mass, diagonal);
         }
-        f_ext.get(node).copied().unwrap_or_default() + sums.forces[node] + model.gravity() * mass
+        f_ext.get(node).copied().unwrap_or_default() + f_int[node] + model.gravity() * mass
     });
     report
 }
@@ -164,11 +171,24 @@ pub fn assemble_with(
 pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) {
     ws.f_int.fill(Vector3::zeros());
     for batch in model.batches() {
-        for element in &model.elements()[batch.elements.clone()] {
+        for element in batch.of(model.quadratic_elements()) {
+            let mut result = [Vector3::zeros(); 10];
+            for (k, F) in element.deformation_gradients(&state.q).iter().enumerate() {
+                element.add_forces(k, &batch.material.first_piola(F), &mut result);
+            }
+            result[0] = -result[1..].iter().sum::<Vector3<f64>>();
+            for (f, &node) in result.iter().zip(&element.nodes) {
+                ws.f_int[node as usize] += f;
+            }
+        }
+        if model.element_kind() == ElementKind::Quadratic {
+            continue;
+        }
+        for element in batch.of(model.elements()) {
             let P = batch.material.first_piola(&element.deformation_gradient(&state.q));
             let result = ElementMatrices { forces: element.forces(&P), ..ElementMatrices::ZERO };
             for (a, &node) in element.nodes.iter().enumerate() {
-                ws.f_int[node as usize] += result.force(a);
+                ws.f_int[node as usize] += NodalShares::force(&result, a);
             }
         }
     }
@@ -178,61 +198,32 @@ pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace
 pub fn elastic_energy(model: &FemModel, state: &FemState) -> f64 {
     let mut energy = 0.0;
     for batch in model.batches() {
-        for element in &model.elements()[batch.elements.clone()] {
+        for element in batch.of(model.quadratic_elements()) {
+            for (F, weight) in element.deformation_gradients(&state.q).iter().zip(element.weights) {
+                energy += weight * batch.material.energy_density(F);
+            }
+        }
+        if model.element_kind() == ElementKind::Quadratic {
+            continue;
+        }
+        for element in batch.of(model.elements()) {
             energy += element.volume * batch.material.energy_density(&element.deformation_gradient(&state.q));
         }
     }
     energy
 }
 
-/// One block of `mass M + stiffness K`.
+/// One block of `mass M + stiffness K`. Diagonal blocks are made symmetric: their sums are so only up to rounding.
 #[inline]
 fn system_block(K: &Matrix3<f64>, coefficients: Coefficients, mass: f64, diagonal: bool) -> Matrix3<f64> {
-    let mut block = K * coefficients.stiffness;
-    if diagonal {
-        for c in 0..3 {
-            block[(c, c)] += coefficients.mass * mass;
-        }
+    if !diagonal {
+        return K * coefficients.stiffness;
+    }
+    let mut block = (K + K.transpose()) * (0.5 * coefficients.stiffness);
+    for c in 0..3 {
+        block[(c, c)] += coefficients.mass * mass;
     }
     block
-}
-
-/// Computes all elements and sums them into `ws.sums` and `ws.f_int`.
-fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) -> AssemblyReport {
-    let scatter = model.scatter();
-    let compute = |batch: &Batch, results: &mut [PackMatrices]| {
-        let report = batch.material.batch(&model.packs()[batch.packs.clone()], &state.q, model.filter(), results);
-        report.shifted(batch.elements.start as u32)
-    };
-    let parallel = !ws.slot.is_empty() && rayon::current_num_threads() > 1;
-    let report = if parallel {
-        let report = (ws.results.par_chunks_mut(BATCH / PACK).zip(model.batches()))
-            .map(|(results, batch)| compute(batch, results))
-            .reduce(BatchReport::default, BatchReport::merged);
-        let (results, slot) = (&ws.results, &ws.slot);
-        ws.sums.upper.par_chunks_mut(8 * ROWS).enumerate().for_each(|(chunk, upper)| {
-            for (k, block) in upper.iter_mut().enumerate() {
-                *block = scatter.gather_block(8 * ROWS * chunk + k, results, slot);
-            }
-        });
-        let nodes = ws.sums.forces.par_chunks_mut(ROWS).zip(ws.sums.diagonal.par_chunks_mut(ROWS));
-        nodes.enumerate().for_each(|(chunk, (forces, diagonal))| {
-            for (k, (force, triangle)) in forces.iter_mut().zip(diagonal).enumerate() {
-                (*force, *triangle) = scatter.gather_node(ROWS * chunk + k, results, slot);
-            }
-        });
-        report
-    } else {
-        ws.sums.clear();
-        let mut report = BatchReport::default();
-        for batch in model.batches() {
-            report = report.merged(compute(batch, &mut ws.results));
-            scatter.scatter(&model.packs()[batch.packs.clone()], batch.elements.start, &ws.results, &mut ws.sums);
-        }
-        report
-    };
-    ws.f_int.copy_from_slice(&ws.sums.forces);
-    AssemblyReport::new(report, model)
 }
 
 /// Calls `row(free node, mesh node, blocks of the row)` for every row, in parallel where there are threads; what it

@@ -17,33 +17,39 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BatchReport, Lame, Law, MaterialError,
-    kernel::{PrincipalLaw, principal::PrincipalResponse, principal_batch},
-    lame::validate_young_poisson,
+    Lame, Law, MaterialError,
+    lame::{ElasticParameters, validate_young_poisson},
     principal::PrincipalTangent,
 };
 use crate::{
     element::{ElementMatrices, Tetrahedron},
-    lanes::{Real, Vec3},
-    pack::{Pack, PackMatrices},
-    rotation::{polar_rotation, signed_svd},
+    rotation::{SignedSvd, polar_rotation, signed_svd},
 };
 
 /// Smallest sum of two singular values in the derivative of the rotation.
 pub const RIDGE: f64 = 1e-6;
 
-/// Corotational linear material.
+/// Corotational linear material. In files either `young` and `poisson`, or `mu` and `lambda`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "ElasticParameters")]
 pub struct Corotational {
     /// Young's modulus (Pa), positive.
     pub young: f64,
     /// Poisson's ratio, in `(-1, 0.5)`.
     pub poisson: f64,
+}
+
+impl TryFrom<ElasticParameters> for Corotational {
+    type Error = MaterialError;
+
+    fn try_from(p: ElasticParameters) -> Result<Self, MaterialError> {
+        let (young, poisson) = p.young_poisson("corotational")?;
+        Ok(Self { young, poisson })
+    }
 }
 
 impl Corotational {
@@ -59,24 +65,19 @@ impl Corotational {
         let difference = F - R;
         difference * (2.0 * mu) + R * (lambda * R.dot(&difference))
     }
-}
 
-impl PrincipalLaw for Corotational {
-    #[inline(always)]
-    fn principal<T: Real>(&self, s: &Vec3<T>) -> PrincipalResponse<T> {
+    fn tangent(&self, svd: SignedSvd) -> PrincipalTangent {
         let Lame { mu, lambda } = self.small_strain();
-        let stretch = [s[0] - 1.0, s[1] - 1.0, s[2] - 1.0];
-        let trace = stretch[0] + stretch[1] + stretch[2];
-        let (mut stress, mut twist) = (*s, *s);
+        let s = svd.sigma;
+        let twist = 2.0 * lambda * (s.sum() - 3.0) - 4.0 * mu;
+        let mut tangent = PrincipalTangent::new(svd);
+        tangent.scaling = Matrix3::from_diagonal_element(2.0 * mu).add_scalar(lambda);
         for a in 0..3 {
-            stress[a] = stretch[a] * (2.0 * mu) + trace * lambda;
             let sum = s[(a + 1) % 3] + s[(a + 2) % 3];
-            twist[a] = (trace * (2.0 * lambda) - 4.0 * mu) / sum.larger(sum.constant(RIDGE)) + 2.0 * mu;
+            tangent.flip[a] = 2.0 * mu;
+            tangent.twist[a] = 2.0 * mu + twist / sum.max(RIDGE);
         }
-        let at = |value: f64| s[0].constant(value);
-        let (diagonal, other) = (at(2.0 * mu + lambda), at(lambda));
-        let scaling = [diagonal, other, other, diagonal, other, diagonal];
-        PrincipalResponse { stress, scaling, flip: [at(2.0 * mu); 3], twist }
+        tangent
     }
 }
 
@@ -88,6 +89,11 @@ impl Law for Corotational {
     #[inline]
     fn small_strain(&self) -> Lame {
         Lame::from_young_poisson(self.young, self.poisson)
+    }
+
+    fn relaxed(&self, share: f64) -> Self {
+        let lame = self.small_strain().relaxed(share);
+        Self { young: lame.young(), poisson: lame.poisson() }
     }
 
     fn energy_density(&self, F: &Matrix3<f64>) -> f64 {
@@ -107,13 +113,9 @@ impl Law for Corotational {
         let svd = signed_svd(&F);
         // NaN in F passes through the difference F - R into the forces and is reported.
         out.forces = element.forces(&self.stress(&F, &(svd.U * svd.V.transpose())));
-        let mut tangent = PrincipalTangent::new(svd, &self.principal(svd.sigma.as_ref()));
+        let mut tangent = self.tangent(svd);
         let acted = filter && tangent.filter();
         tangent.blocks(element, &mut out.blocks);
         acted
-    }
-
-    fn batch(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
-        principal_batch(self, packs, q, filter, out)
     }
 }

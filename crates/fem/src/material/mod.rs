@@ -2,29 +2,42 @@
 //!
 //! A law gives the energy density `Ψ(F)` (J/m³), the first Piola stress `P = ∂Ψ/∂F` (Pa) and what one linear tetrahedron
 //! adds to the stiffness. All three are derivatives of one energy, also beyond the physical domain (inverted elements).
+//! Every law is linear in two moduli, `Ψ = μ ψ_s + k ψ_b` with the shear modulus `μ` and the bulk modulus `k` at small
+//! strain: [`Law::relaxed`] lowers the first, which is what viscosity acts on.
 //! A new law is one file and one line in `materials!`.
 
 #![allow(non_snake_case)]
 
+pub mod arruda_boyce;
 pub mod corotational;
 pub mod hyperelastic;
-pub mod kernel;
 mod lame;
+pub mod linear;
+pub mod mooney_rivlin;
 pub mod neo_hookean;
+pub mod ogden;
 pub mod principal;
+pub mod st_venant_kirchhoff;
+pub mod stable_neo_hookean;
+pub mod veronda_westmann;
+pub(crate) mod volume;
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 pub use self::{
+    arruda_boyce::ArrudaBoyce,
     corotational::Corotational,
     lame::{Lame, MaterialError},
+    linear::Linear,
+    mooney_rivlin::MooneyRivlin,
     neo_hookean::NeoHookean,
+    ogden::Ogden,
+    st_venant_kirchhoff::StVenantKirchhoff,
+    stable_neo_hookean::StableNeoHookean,
+    veronda_westmann::VerondaWestmann,
 };
-use crate::{
-    element::{ElementMatrices, Tetrahedron},
-    pack::{Pack, PackMatrices},
-};
+use crate::element::{ElementMatrices, Tetrahedron};
 
 /// Elements of one law that are computed together; results of a batch stay in the first-level cache.
 pub const BATCH: usize = 32;
@@ -37,6 +50,15 @@ pub trait Law: Copy + Send + Sync {
     /// Lamé parameters of the linear elasticity that the law tends to at small strain.
     fn small_strain(&self) -> Lame;
 
+    /// The law with its shear modulus times `1 - share`, at the same bulk modulus; `share` in `[0, 1)`. The laws are linear
+    /// in both moduli: energy, stress and tangent of the shear part are `(law - law.relaxed(share)) / share`.
+    fn relaxed(&self, share: f64) -> Self;
+
+    /// Whether a rotation of the body leaves the energy as it is: every law but the linear one.
+    fn is_frame_indifferent(&self) -> bool {
+        true
+    }
+
     /// Energy density `Ψ(F)` (J/m³), zero at rest.
     fn energy_density(&self, F: &Matrix3<f64>) -> f64;
 
@@ -47,8 +69,22 @@ pub trait Law: Copy + Send + Sync {
     /// semidefinite tangent in the space of `F`. Returns whether the filter changed the tangent.
     fn element(&self, element: &Tetrahedron, edges: &Matrix3<f64>, filter: bool, out: &mut ElementMatrices) -> bool;
 
-    /// [`Law::element`] for packs of elements, several at once. `out` is as long as `packs`.
-    fn batch(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport;
+    /// [`Law::element`] for a batch of at most [`BATCH`] elements. `out` is as long as `elements`.
+    fn batch(
+        &self,
+        elements: &[Tetrahedron],
+        q: &[Vector3<f64>],
+        filter: bool,
+        out: &mut [ElementMatrices],
+    ) -> BatchReport {
+        let mut report = BatchReport::default();
+        for (k, (element, out)) in elements.iter().zip(out).enumerate() {
+            let edges = element.edges(q);
+            let filtered = self.element(element, &edges, filter, out);
+            report.note(k as u32, edges.determinant() / (6.0 * element.volume), filtered, out.is_finite());
+        }
+        report
+    }
 }
 
 /// What happened in a batch of elements, or in a whole body; elements are counted from the first of the batch or body.
@@ -90,6 +126,15 @@ impl BatchReport {
     pub(crate) fn shifted(mut self, first: u32) -> Self {
         self.min_jacobian_element = self.min_jacobian_element.saturating_add(first);
         self.non_finite = self.non_finite.map(|e| e + first);
+        self
+    }
+
+    /// The points of one element as that element: counted once, whatever the number of its points.
+    pub(crate) fn as_one(mut self, element: u32) -> Self {
+        self.filtered = self.filtered.min(1);
+        self.inverted = self.inverted.min(1);
+        self.min_jacobian_element = if self.min_jacobian_element == u32::MAX { u32::MAX } else { element };
+        self.non_finite = self.non_finite.map(|_| element);
         self
     }
 
@@ -151,6 +196,14 @@ macro_rules! materials {
                 match self { $(Self::$variant(law) => law.small_strain()),+ }
             }
 
+            fn relaxed(&self, share: f64) -> Self {
+                match self { $(Self::$variant(law) => Self::$variant(Law::relaxed(law, share))),+ }
+            }
+
+            fn is_frame_indifferent(&self) -> bool {
+                match self { $(Self::$variant(law) => law.is_frame_indifferent()),+ }
+            }
+
             fn energy_density(&self, F: &Matrix3<f64>) -> f64 {
                 match self { $(Self::$variant(law) => law.energy_density(F)),+ }
             }
@@ -171,12 +224,12 @@ macro_rules! materials {
 
             fn batch(
                 &self,
-                packs: &[Pack],
+                elements: &[Tetrahedron],
                 q: &[Vector3<f64>],
                 filter: bool,
-                out: &mut [PackMatrices],
+                out: &mut [ElementMatrices],
             ) -> BatchReport {
-                match self { $(Self::$variant(law) => law.batch(packs, q, filter, out)),+ }
+                match self { $(Self::$variant(law) => law.batch(elements, q, filter, out)),+ }
             }
         }
 
@@ -193,4 +246,11 @@ macro_rules! materials {
 materials! {
     NeoHookean = "neo_hookean",
     Corotational = "corotational",
+    Linear = "linear",
+    StVenantKirchhoff = "st_venant_kirchhoff",
+    StableNeoHookean = "stable_neo_hookean",
+    MooneyRivlin = "mooney_rivlin",
+    ArrudaBoyce = "arruda_boyce",
+    VerondaWestmann = "veronda_westmann",
+    Ogden = "ogden",
 }

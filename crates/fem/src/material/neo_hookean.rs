@@ -7,25 +7,22 @@
 //! ```
 //! with `I1 = tr FᵀF`. `k0` is Lamé's `λ`: at small strain the law is linear elasticity with `(μ, k0)`.
 //!
-//! Departure: `ln J` ends at `J = 0`, which a step of simulation may pass. Below `J0 =` [`EXTENSION_BELOW`] `f` is
-//! continued by its quadratic Taylor polynomial at `J0`. Energy, force and tangent stay derivatives of one function that
-//! is twice continuously differentiable and convex in `J` there, so inverted elements are driven back with a finite
-//! force. Above `J = e` (for `k0 >> μ`) the law itself softens in volume: `f''` turns negative.
+//! Departure: below `J0 =` [`EXTENSION_BELOW`] `f` goes on as its quadratic Taylor polynomial at `J0`, twice continuously
+//! differentiable and convex in `J`, so inverted elements are driven back with a finite force. Above `J = e` (for
+//! `k0 >> μ`) the law itself softens in volume: `f''` turns negative.
 
 #![allow(non_snake_case)]
 
+use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
+pub use super::volume::EXTENSION_BELOW;
 use super::{
     Lame, MaterialError,
-    hyperelastic::{Hyperelastic, Isotropic, Response, StrainFactor, VolumeFactor},
+    hyperelastic::{Hyperelastic, Response, StrainFactor, VolumeFactor},
     lame::validate_young_poisson,
+    volume::logarithmic,
 };
-use crate::lanes::Real;
-
-/// Volume ratio below which the volumetric energy is continued by a quadratic. Tissue that is crushed to a fifth of its
-/// volume is beyond any measured law; above, the law is exact.
-pub const EXTENSION_BELOW: f64 = 0.2;
 
 /// Compressible neo-Hookean material. In files either `young` and `poisson`, or `mu` and `k0`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,7 +54,9 @@ impl TryFrom<Parameters> for NeoHookean {
                 Ok(Self { young, poisson })
             }
             (None, None, Some(mu), Some(k0)) => Self::from_moduli(mu, k0),
-            _ => Err(MaterialError::ParameterPair),
+            _ => {
+                Err(MaterialError::ParameterSet { law: "neo_hookean", sets: "`young` and `poisson`, or `mu` and `k0`" })
+            }
         }
     }
 }
@@ -94,31 +93,23 @@ impl Hyperelastic for NeoHookean {
         Lame::from_young_poisson(self.young, self.poisson)
     }
 
-    #[inline(always)]
-    fn response<T: Real>(&self, I1: T, _: T, J: T) -> Response<T> {
-        let Lame { mu, lambda: k0 } = self.small_strain();
-        let zero = J.constant(0.0);
-        let shear = StrainFactor {
-            value: (I1 - 3.0) * (0.5 * mu),
-            S: Isotropic { identity: J.constant(mu), strain: zero },
-            alpha: zero,
-            beta: zero,
-        };
-        Response::volume(&volume(mu, k0, J)).with_strain(&shear)
+    fn relaxed(&self, share: f64) -> Self {
+        let lame = Hyperelastic::small_strain(self).relaxed(share);
+        Self { young: lame.young(), poisson: lame.poisson() }
     }
-}
 
-/// `f, f', f''` of the volumetric term, with its extension.
-#[inline(always)]
-fn volume<T: Real>(mu: f64, k0: f64, J: T) -> VolumeFactor<T> {
-    let end = J.constant(EXTENSION_BELOW);
-    let at = J.larger(end);
-    let ln = at.ln();
-    let inverse = at.recip();
-    let value = (ln * (0.5 * k0) - mu) * ln;
-    let first = (ln * k0 - mu) * inverse;
-    let second = (-(ln * k0) + (k0 + mu)) * inverse * inverse;
-    // Zero above the end of the law; NaN there, and so everywhere, where J is NaN.
-    let d = J - at;
-    VolumeFactor { value: value + d * (first + d * second * 0.5), first: first + d * second, second }
+    #[inline]
+    fn response(&self, C: &Matrix3<f64>, J: f64) -> Response {
+        let Lame { mu, lambda: k0 } = self.small_strain();
+        let shear = StrainFactor {
+            value: 0.5 * mu * (C.trace() - 3.0),
+            S: Matrix3::from_diagonal_element(mu),
+            alpha: 0.0,
+            beta: 0.0,
+        };
+        let mut response = Response::default();
+        response.add(&VolumeFactor::ONE, &shear);
+        response.add_volume(&logarithmic(mu, k0, J));
+        response
+    }
 }

@@ -1,18 +1,19 @@
 //! Description and state of a soft body.
 
 mod config;
+mod elements;
 
 use std::{ops::Range, sync::Arc};
 
 use nalgebra::Vector3;
 
 pub use self::config::{FemConfig, FemError, MAX_STIFFNESS_RATIO};
+use self::elements::Elements;
 use crate::{
     assembly::ScatterLists,
-    element::Tetrahedron,
+    element::{ElementKind, QuadraticTetrahedron, Tetrahedron, quadratic::POINTS},
     material::{BATCH, Law, Material},
     mesh::TetMesh,
-    pack::{PACK, Pack},
     sparse::{BlockPattern, FIXED},
 };
 
@@ -29,19 +30,26 @@ pub struct FemState {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Batch {
     pub(crate) elements: Range<usize>,
-    pub(crate) packs: Range<usize>,
     pub(crate) material: Material,
+}
+
+impl Batch {
+    /// The batch's part of a list over all elements; nothing where the list is shorter.
+    pub(crate) fn of<'a, T>(&self, list: &'a [T]) -> &'a [T] {
+        list.get(self.elements.clone()).unwrap_or_default()
+    }
 }
 
 /// The description of a soft body: never changes after set-up.
 #[derive(Clone, Debug)]
 pub struct FemModel {
     q_rest: Vec<Vector3<f64>>,
+    kind: ElementKind,
     elements: Vec<Tetrahedron>,
+    quadratic: Vec<QuadraticTetrahedron>,
     free_tetrahedra: Vec<[u32; 4]>,
     mesh_tetrahedron: Vec<u32>,
     batches: Vec<Batch>,
-    packs: Vec<Pack>,
     mass: Vec<f64>,
     free_of_node: Vec<u32>,
     node_of_free: Vec<u32>,
@@ -70,23 +78,9 @@ impl FemModel {
         order.sort_by_key(|&t| material_of_region[region_of(t as usize)]);
         check_stiffness_ratio(order.iter().map(|&t| &regions[region_of(t as usize)].0))?;
 
-        let mut elements = Vec::with_capacity(order.len());
-        let mut mass = vec![0.0; mesh.nodes.len()];
-        let mut connected = vec![false; mesh.nodes.len()];
-        for &t in &order {
-            let nodes = mesh.tetrahedra[t as usize];
-            let element = Tetrahedron::new(nodes, &mesh.nodes)
-                .ok_or_else(|| FemError::Volume { tetrahedron: t as usize, volume: volume(mesh, t as usize) })?;
-            let share = 0.25 * regions[region_of(t as usize)].1 * element.volume;
-            for i in nodes {
-                mass[i as usize] += share;
-                connected[i as usize] = true;
-            }
-            elements.push(element);
-        }
-        if let Some(node) = connected.iter().position(|&c| !c) {
-            return Err(FemError::Unconnected { node: node as u32 });
-        }
+        let densities: Vec<f64> = regions.iter().map(|r| r.1).collect();
+        let Elements { tetrahedra: elements, quadratic, mut mass } =
+            Elements::new(mesh, &order, config.element, |t| densities[region_of(t as usize)])?;
         if let Some(total) = config.total_mass {
             mass.fill(total / mesh.nodes.len() as f64);
         }
@@ -98,19 +92,23 @@ impl FemModel {
         if config.fixed.is_empty() && mass.iter().all(|&m| m == 0.0) {
             return Err(FemError::Unsupported);
         }
-        let free_tetrahedra: Vec<[u32; 4]> =
-            elements.iter().map(|e| e.nodes.map(|i| free_of_node[i as usize])).collect();
-        let pattern = Arc::new(BlockPattern::from_elements(node_of_free.len(), &free_tetrahedra));
-        let (batches, packs) =
-            batches(order.iter().map(|&t| material_of_region[region_of(t as usize)]), &materials, &elements);
-        let scatter = ScatterLists::new(&pattern, &packs, &free_of_node);
+        let corners: Vec<[u32; 4]> = elements.iter().map(|e| e.nodes).collect();
+        let free_tetrahedra: Vec<[u32; 4]> = corners.iter().map(|e| e.map(|i| free_of_node[i as usize])).collect();
+        let ten_nodes: Vec<[u32; 10]> = quadratic.iter().map(|e| e.nodes).collect();
+        let (pattern, scatter) = match config.element {
+            ElementKind::Linear => lists(&corners, &free_of_node, node_of_free.len()),
+            ElementKind::Quadratic => lists(&ten_nodes, &free_of_node, node_of_free.len()),
+        };
+        let size = batch_size(config.element);
+        let batches = batches(order.iter().map(|&t| material_of_region[region_of(t as usize)]), &materials, size);
         Ok(Self {
             q_rest: mesh.nodes.clone(),
+            kind: config.element,
             elements,
+            quadratic,
             free_tetrahedra,
             mesh_tetrahedron: order,
             batches,
-            packs,
             mass,
             free_of_node,
             node_of_free,
@@ -143,12 +141,23 @@ impl FemModel {
         &self.q_rest
     }
 
-    /// Elements, grouped by material. [`FemModel::mesh_tetrahedron`] gives their place in the mesh.
+    /// The kind of all elements.
+    pub fn element_kind(&self) -> ElementKind {
+        self.kind
+    }
+
+    /// Elements, grouped by material; of a quadratic body the straight tetrahedra over their corners.
+    /// [`FemModel::mesh_tetrahedron`] gives their place in the mesh.
     pub fn elements(&self) -> &[Tetrahedron] {
         &self.elements
     }
 
-    /// Free nodes of each element, [`FIXED`] where a node is fixed.
+    /// The elements of a quadratic body, in the order of [`FemModel::elements`]; empty for other kinds.
+    pub fn quadratic_elements(&self) -> &[QuadraticTetrahedron] {
+        &self.quadratic
+    }
+
+    /// Free nodes at the corners of each element, [`FIXED`] where a node is fixed.
     pub fn free_tetrahedra(&self) -> &[[u32; 4]] {
         &self.free_tetrahedra
     }
@@ -158,7 +167,17 @@ impl FemModel {
         &self.mesh_tetrahedron
     }
 
-    /// Lumped mass of every node (kg).
+    /// Rest volume (m³).
+    pub fn volume(&self) -> f64 {
+        match self.kind {
+            ElementKind::Quadratic => self.quadratic.iter().map(QuadraticTetrahedron::volume).sum(),
+            _ => self.elements.iter().map(|e| e.volume).sum(),
+        }
+    }
+
+    /// Lumped mass of every node (kg), positive. Weight acts as these masses times gravity, so that a free fall is free
+    /// of strain; on quadratic elements that differs from the consistent load by forces within each element that add up to
+    /// nothing, which leave a strain of the order of the weight of one layer of elements.
     pub fn mass(&self) -> &[f64] {
         &self.mass
     }
@@ -202,9 +221,9 @@ impl FemModel {
         &self.batches
     }
 
-    /// Elements in packs of one material each, in the order of [`FemModel::elements`].
-    pub fn packs(&self) -> &[Pack] {
-        &self.packs
+    /// Most elements of a batch.
+    pub(crate) fn batch_size(&self) -> usize {
+        batch_size(self.kind)
     }
 
     pub(crate) fn scatter(&self) -> &ScatterLists {
@@ -222,7 +241,8 @@ fn check_topology(mesh: &TetMesh) -> Result<(), FemError> {
         return Err(FemError::TooLarge { nodes, tetrahedra, limit: ScatterLists::MAX_ELEMENTS });
     }
     for (tetrahedron, element) in mesh.tetrahedra.iter().enumerate() {
-        if let Some(&node) = element.iter().find(|&&i| i as usize >= nodes) {
+        let mids = mesh.mid_nodes.get(tetrahedron);
+        if let Some(&node) = element.iter().chain(mids.into_iter().flatten()).find(|&&i| i as usize >= nodes) {
             return Err(FemError::NodeOutOfRange { tetrahedron, node, nodes });
         }
     }
@@ -238,10 +258,21 @@ fn check_topology(mesh: &TetMesh) -> Result<(), FemError> {
     Ok(())
 }
 
-/// Volume of a tetrahedron of the mesh (m³).
-fn volume(mesh: &TetMesh, t: usize) -> f64 {
-    let [a, b, c, d] = mesh.tetrahedra[t].map(|i| mesh.nodes[i as usize]);
-    (b - a).cross(&(c - a)).dot(&(d - a)) / 6.0
+/// Most elements of a batch: as many points of quadrature whatever the kind.
+fn batch_size(kind: ElementKind) -> usize {
+    if kind == ElementKind::Quadratic { BATCH / POINTS } else { BATCH }
+}
+
+/// Pattern over the free nodes, and the lists that fill it from elements over the given nodes.
+fn lists<const N: usize>(
+    elements: &[[u32; N]],
+    free_of_node: &[u32],
+    free_nodes: usize,
+) -> (Arc<BlockPattern>, ScatterLists) {
+    let free: Vec<[u32; N]> = elements.iter().map(|e| e.map(|i| free_of_node[i as usize])).collect();
+    let pattern = BlockPattern::from_elements(free_nodes, &free);
+    let scatter = ScatterLists::new(&pattern, elements, free_of_node);
+    (Arc::new(pattern), scatter)
 }
 
 /// The materials that differ, and the material of each region.
@@ -283,26 +314,16 @@ fn number_free_nodes(nodes: usize, fixed: &[u32]) -> (Vec<u32>, Vec<u32>) {
     (free_of_node, node_of_free)
 }
 
-/// Runs of one material, cut into batches and these into packs. `material_of_element` is grouped.
-fn batches(
-    material_of_element: impl Iterator<Item = usize>,
-    materials: &[Material],
-    elements: &[Tetrahedron],
-) -> (Vec<Batch>, Vec<Pack>) {
+/// Runs of one material, cut into batches. `material_of_element` is grouped.
+fn batches(material_of_element: impl Iterator<Item = usize>, materials: &[Material], size: usize) -> Vec<Batch> {
     let mut batches: Vec<Batch> = Vec::new();
     let mut last = usize::MAX;
     for (e, m) in material_of_element.enumerate() {
         match batches.last_mut() {
-            Some(batch) if m == last && batch.elements.len() < BATCH => batch.elements.end = e + 1,
-            _ => batches.push(Batch { elements: e..e + 1, packs: 0..0, material: materials[m] }),
+            Some(batch) if m == last && batch.elements.len() < size => batch.elements.end = e + 1,
+            _ => batches.push(Batch { elements: e..e + 1, material: materials[m] }),
         }
         last = m;
     }
-    let mut packs = Vec::with_capacity(elements.len().div_ceil(PACK) + materials.len());
-    for batch in &mut batches {
-        let first = packs.len();
-        packs.extend(elements[batch.elements.clone()].chunks(PACK).filter_map(Pack::new));
-        batch.packs = first..packs.len();
-    }
-    (batches, packs)
+    batches
 }
