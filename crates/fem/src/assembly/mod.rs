@@ -20,6 +20,7 @@ use nalgebra::{Matrix3, Vector3};
 pub(crate) use self::scatter::ScatterLists;
 use self::{scatter::slots, sum::sum_elements};
 use crate::{
+    averaging::AveragingWorkspace,
     element::{ElementKind, ElementMatrices, NodalShares, quadratic::QuadraticMatrices},
     material::{BatchReport, Law},
     model::{FemModel, FemState},
@@ -45,6 +46,7 @@ pub struct FemWorkspace {
     /// Element results: one batch on one thread, all batches on several. Of quadratic bodies in the second list.
     results: Vec<ElementMatrices>,
     quadratic_results: Vec<QuadraticMatrices>,
+    averaging: AveragingWorkspace,
     /// Slot of each element in `results`; empty on one thread.
     slot: Vec<u32>,
 }
@@ -65,6 +67,7 @@ impl FemWorkspace {
             upper: vec![Matrix3::zeros(); model.scatter().upper_blocks()],
             results: vec![ElementMatrices::ZERO; if quadratic { 0 } else { results }],
             quadratic_results: vec![QuadraticMatrices::ZERO; if quadratic { results } else { 0 }],
+            averaging: model.averaging().map(|groups| groups.workspace()).unwrap_or_default(),
             slot: if parallel { slots(model.batches(), size) } else { Vec::new() },
         }
     }
@@ -192,11 +195,15 @@ pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace
             }
         }
     }
+    if let Some(groups) = model.averaging() {
+        groups.pressures(model.elements(), &state.q, false, false, &mut ws.averaging);
+        groups.add_forces(model.elements(), &state.q, &ws.averaging, &mut ws.f_int);
+    }
 }
 
 /// Elastic energy of the body (J).
 pub fn elastic_energy(model: &FemModel, state: &FemState) -> f64 {
-    let mut energy = 0.0;
+    let mut energy = model.averaging().map_or(0.0, |groups| groups.energy(model.elements(), &state.q));
     for batch in model.batches() {
         for element in batch.of(model.quadratic_elements()) {
             for (F, weight) in element.deformation_gradients(&state.q).iter().zip(element.weights) {

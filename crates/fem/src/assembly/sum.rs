@@ -6,21 +6,27 @@ use rayon::prelude::*;
 use super::{AssemblyReport, FemWorkspace, ROWS, ScatterLists};
 use crate::{
     element::{
-        ElementKind, ElementMatrices, NodalShares,
+        ElementKind, ElementMatrices, NodalShares, Tetrahedron,
         quadratic::{QuadraticMatrices, quadratic_batch},
     },
-    material::{BatchReport, Law},
+    material::{BatchReport, Law, Material},
     model::{Batch, FemModel, FemState},
 };
 
 /// Computes all elements and sums them into `ws.upper` and `ws.f_int`.
 pub(super) fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) -> AssemblyReport {
     let (q, filter) = (&state.q, ws.filter);
+    let parallel = !ws.slot.is_empty() && rayon::current_num_threads() > 1;
+    if let Some(groups) = model.averaging() {
+        groups.pressures(model.elements(), q, filter, parallel, &mut ws.averaging);
+    }
+    let pressures = &ws.averaging.pressures;
     let sums = Sums {
         batches: model.batches(),
         size: model.batch_size(),
         scatter: model.scatter(),
         slot: &ws.slot,
+        parallel,
         upper: &mut ws.upper,
         f_int: &mut ws.f_int,
     };
@@ -31,8 +37,33 @@ pub(super) fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorks
         ElementKind::Quadratic => sums.fill(&mut ws.quadratic_results, |batch, results: &mut [QuadraticMatrices]| {
             quadratic_batch(&batch.material, batch.of(model.quadratic_elements()), q, filter, results)
         }),
+        ElementKind::Averaged => sums.fill(&mut ws.results, |batch, results: &mut [ElementMatrices]| {
+            pressure_batch(&batch.material, batch.of(model.elements()), batch.of(pressures), q, filter, results)
+        }),
     };
+    if let Some(groups) = model.averaging() {
+        groups.add_blocks(model.elements(), q, parallel, &mut ws.averaging, &mut ws.upper);
+    }
     AssemblyReport::new(report, model)
+}
+
+/// Forces and exact tangents of elements under pressures, as [`Law::batch`].
+fn pressure_batch(
+    law: &Material,
+    elements: &[Tetrahedron],
+    pressures: &[f64],
+    q: &[Vector3<f64>],
+    filter: bool,
+    out: &mut [ElementMatrices],
+) -> BatchReport {
+    let mut report = BatchReport::default();
+    for (k, ((element, &pressure), out)) in elements.iter().zip(pressures).zip(out).enumerate() {
+        let edges = element.edges(q);
+        // Set-up takes only laws that have an answer.
+        let filtered = law.element_under_pressure(element, &edges, pressure, filter, out).unwrap_or_default();
+        report.note(k as u32, edges.determinant() / (6.0 * element.volume), filtered, out.is_finite());
+    }
+    report
 }
 
 /// What the results of the elements are summed into, and by which lists.
@@ -43,6 +74,7 @@ struct Sums<'a> {
     scatter: &'a ScatterLists,
     /// Slot of each element among the results; empty on one thread.
     slot: &'a [u32],
+    parallel: bool,
     upper: &'a mut [Matrix3<f64>],
     f_int: &'a mut [Vector3<f64>],
 }
@@ -57,8 +89,8 @@ impl Sums<'_> {
         let compute = |batch: &Batch, results: &mut [R]| {
             compute(batch, &mut results[..batch.elements.len()]).shifted(batch.elements.start as u32)
         };
-        let Self { batches, size, scatter, slot, upper, f_int } = self;
-        if slot.is_empty() || rayon::current_num_threads() == 1 {
+        let Self { batches, size, scatter, slot, parallel, upper, f_int } = self;
+        if !parallel {
             upper.fill(Matrix3::zeros());
             f_int.fill(Vector3::zeros());
             let mut report = BatchReport::default();

@@ -22,7 +22,7 @@
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
-use super::{ElementMatrices, NodalShares, unit};
+use super::{ElementMatrices, NodalShares, UNIT};
 use crate::{
     material::{BatchReport, Law},
     rotation::cofactor,
@@ -240,7 +240,7 @@ impl QuadraticTetrahedron {
     }
 
     /// Adds point `k` to the blocks of nodes 1 to 9. `tangent` holds `∂P/∂F` over six times the unit of stress, as the
-    /// blocks of the [unit tetrahedron](super::unit): block `(k, l)` is `∂P_.k / ∂F_.l / 6` (Pa).
+    /// blocks of the [unit tetrahedron](super::UNIT): block `(k, l)` is `∂P_.k / ∂F_.l / 6` (Pa).
     fn add_blocks(&self, k: usize, tangent: &[Matrix3<f64>; 6], blocks: &mut [Matrix3<f64>; 55]) {
         let w = 6.0 * self.weights[k];
         let [c00, c01, c02, c11, c12, c22] = tangent.map(|c| c * w);
@@ -269,7 +269,7 @@ impl QuadraticTetrahedron {
 }
 
 /// Forces and exact tangents of quadratic elements of one law, as [`Law::batch`]: the law sees the points of each
-/// element as unit tetrahedra. The report counts elements, not points; its Jacobians are those of the points.
+/// element as unit tetrahedra. The report counts elements, not points; the Jacobian of an element is the least at its points.
 pub(crate) fn quadratic_batch(
     law: &impl Law,
     elements: &[QuadraticTetrahedron],
@@ -277,20 +277,17 @@ pub(crate) fn quadratic_batch(
     filter: bool,
     out: &mut [QuadraticMatrices],
 ) -> BatchReport {
-    const UNITS: [super::Tetrahedron; POINTS] =
-        [unit([0, 1, 2, 3]), unit([0, 4, 5, 6]), unit([0, 7, 8, 9]), unit([0, 10, 11, 12])];
     let mut report = BatchReport::default();
-    let mut columns = [Vector3::zeros(); 1 + 3 * POINTS];
     let mut points = [ElementMatrices::ZERO; POINTS];
     for (k, (element, out)) in elements.iter().zip(out).enumerate() {
-        for (F, columns) in element.deformation_gradients(q).iter().zip(columns[1..].chunks_exact_mut(3)) {
-            for (column, of_F) in columns.iter_mut().zip(F.column_iter()) {
-                *column = of_F.into_owned();
-            }
+        let (mut J, mut filtered, mut finite) = (f64::INFINITY, false, true);
+        for (F, point) in element.deformation_gradients(q).iter().zip(&mut points) {
+            filtered |= law.element(&UNIT, F, filter, point);
+            finite &= point.is_finite();
+            J = J.min(F.determinant());
         }
-        let at_points = law.batch(&UNITS, &columns, filter, &mut points);
         element.matrices(&points, out);
-        report = report.merged(at_points.as_one(k as u32));
+        report.note(k as u32, J, filtered, finite);
     }
     report
 }

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use thiserror::Error;
 
 use crate::{
+    averaging::Grouping,
     element::{ElementKind, quadratic::MidNodeError},
     material::{Law, Material, MaterialError, NeoHookean},
     mesh::TetMesh,
@@ -20,6 +21,8 @@ pub const MAX_STIFFNESS_RATIO: f64 = 1e4;
 pub struct FemConfig {
     /// The kind of all elements; quadratic ones need a mesh with mid-nodes. Default: linear.
     pub element: ElementKind,
+    /// How averaged elements are grouped. Default: by nodes.
+    pub grouping: Grouping,
     /// Material of the regions that `region_materials` does not name. Default: neo-Hookean, 5 kPa, 0.45 (soft liver).
     pub material: Material,
     /// Material by region name. Default: none.
@@ -48,6 +51,7 @@ impl Default for FemConfig {
     fn default() -> Self {
         Self {
             element: ElementKind::Linear,
+            grouping: Grouping::Nodes,
             material: NeoHookean { young: 5e3, poisson: 0.45 }.into(),
             region_materials: BTreeMap::new(),
             density: 1060.0,
@@ -95,6 +99,14 @@ pub enum FemError {
         tetrahedron: usize,
         /// Its volume (m³).
         volume: f64,
+    },
+    /// Averaged elements of a law that has no bulk term to average.
+    #[error(
+        "averaged elements need a law with a bulk term U(J), which {law} does not have: use `neo_hookean` or another          hyperelastic law with one, or quadratic elements"
+    )]
+    NoBulk {
+        /// Name of the law.
+        law: &'static str,
     },
     /// The mesh and the elements have different nodes.
     #[error(
