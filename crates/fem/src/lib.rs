@@ -11,6 +11,7 @@ pub mod element;
 pub mod factor;
 pub mod format;
 pub mod image;
+pub mod integrator;
 pub mod material;
 pub mod mesh;
 pub mod model;

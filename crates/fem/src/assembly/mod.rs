@@ -39,6 +39,8 @@ pub struct FemWorkspace {
     pub rhs: Vec<f64>,
     /// Internal force on every mesh node (N), fixed ones included: there it is minus the reaction.
     pub f_int: Vec<Vector3<f64>>,
+    /// Whether the next assemblies filter the tangents; at first what the model says.
+    pub filter: bool,
     /// Upper blocks of `K`.
     upper: Vec<Matrix3<f64>>,
     /// Element results: one batch on one thread, all batches on several. Of quadratic bodies in the second list.
@@ -61,6 +63,7 @@ impl FemWorkspace {
             system: SystemMatrix::zeros(model.pattern().clone()),
             rhs: vec![0.0; 3 * model.free_nodes()],
             f_int: vec![Vector3::zeros(); model.nodes()],
+            filter: model.filter(),
             upper: vec![Matrix3::zeros(); model.scatter().upper_blocks()],
             results: vec![ElementMatrices::ZERO; if quadratic { 0 } else { results }],
             quadratic_results: vec![QuadraticMatrices::ZERO; if quadratic { results } else { 0 }],

@@ -15,7 +15,7 @@ use crate::{
 
 /// Computes all elements and sums them into `ws.upper` and `ws.f_int`.
 pub(super) fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) -> AssemblyReport {
-    let (q, filter) = (&state.q, model.filter());
+    let (q, filter) = (&state.q, ws.filter);
     let parallel = !ws.slot.is_empty() && rayon::current_num_threads() > 1;
     if let Some(groups) = model.averaging() {
         groups.pressures(model.elements(), q, filter, parallel, &mut ws.averaging);
