@@ -23,7 +23,9 @@
 //!
 //! `u` is taken exactly from the two poses rather than as `force · translation + torque · rotation`, from which it
 //! differs by `|rotation|² |r| / 2`: 5 % of the path of a tool that turns by 0.1 rad a step.
-//! Nodes without a row in the system (fixed) do not move and get no entry.
+//! Nodes without a row in the system (fixed) do not move and get no entry. A contact on fixed nodes alone has no
+//! compliance of its own: it is no part of the tissue's problem, where its force has no bound, and its rows are built
+//! apart by [`build_fixed_rows`] for a problem in which the tool yields.
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use palpate_collision::Contact;
@@ -193,7 +195,7 @@ pub struct RowReport {
     pub contacts: usize,
     /// Rows built.
     pub rows: usize,
-    /// Contacts on fixed nodes alone: nothing there can move, so no force is defined.
+    /// Contacts on fixed nodes alone: nothing there can move; see [`build_fixed_rows`].
     pub rigid: usize,
     /// Contacts beyond the capacity stated at set-up.
     pub dropped: usize,
@@ -225,23 +227,44 @@ pub fn append_rows(contacts: &[Contact], input: &RowInput, rows: &mut ContactRow
             report.dropped += 1;
             continue;
         }
-        let frame = ContactFrame::new(contact.normal);
-        let lever = contact.tissue_point - input.tool_reference;
-        let tissue_motion = support.velocity * input.dt;
-        let tool_motion = input.tool_motion.displacement(&lever);
-        let count = if input.friction { 3 } else { 1 };
-        rows.blocks.push(RowBlock { contact: index as u32, first_row: rows.len() as u32, rows: count });
-        rows.frames.push(frame);
-        for (k, d) in frame.directions().iter().enumerate().take(count as usize) {
-            rows.tissue.push_row(support.entries().map(|(node, weight)| (node, d * weight)));
-            rows.tool.push(ToolRow::new(d, &lever));
-            let free_motion = d.dot(&tissue_motion);
-            rows.delta_free.push(if k == 0 { contact.gap + free_motion } else { free_motion - d.dot(&tool_motion) });
-        }
         report.contacts += 1;
-        report.rows += count as usize;
+        report.rows += push_contact(index, contact, &support, input, rows);
     }
     report
+}
+
+/// Replaces the rows by those of the contacts on fixed nodes alone, in their order; the tissue's part of each is empty.
+///
+/// Returns how many contacts got rows: all of them, up to the capacity.
+pub fn build_fixed_rows(contacts: &[Contact], input: &RowInput, rows: &mut ContactRows) -> usize {
+    rows.clear();
+    for (index, contact) in contacts.iter().enumerate() {
+        match Support::new(contact, input) {
+            Some(support) if support.len == 0 && rows.blocks.len() < rows.capacity => {
+                push_contact(index, contact, &support, input, rows);
+            }
+            _ => {}
+        }
+    }
+    rows.blocks.len()
+}
+
+/// Appends the rows of one contact and returns their number.
+fn push_contact(index: usize, contact: &Contact, support: &Support, input: &RowInput, rows: &mut ContactRows) -> usize {
+    let frame = ContactFrame::new(contact.normal);
+    let lever = contact.tissue_point - input.tool_reference;
+    let tissue_motion = support.velocity * input.dt;
+    let tool_motion = input.tool_motion.displacement(&lever);
+    let count = if input.friction { 3 } else { 1 };
+    rows.blocks.push(RowBlock { contact: index as u32, first_row: rows.len() as u32, rows: count });
+    rows.frames.push(frame);
+    for (k, d) in frame.directions().iter().enumerate().take(count as usize) {
+        rows.tissue.push_row(support.entries().map(|(node, weight)| (node, d * weight)));
+        rows.tool.push(ToolRow::new(d, &lever));
+        let free_motion = d.dot(&tissue_motion);
+        rows.delta_free.push(if k == 0 { contact.gap + free_motion } else { free_motion - d.dot(&tool_motion) });
+    }
+    count as usize
 }
 
 /// The free nodes that carry a contact, each once, and the velocity of its point in the free motion.

@@ -8,7 +8,7 @@ use palpate_collision::contact::{FeatureKind, feature_kind};
 use palpate_collision::narrow_phase::touch;
 use palpate_collision::{Contact, ContactKind, ContactSet, SurfaceGeometry, ToolShape};
 use palpate_constraints::frame::ContactFrame;
-use palpate_constraints::rows::{ContactRows, RowInput, ToolMotion, ToolRow, build_rows};
+use palpate_constraints::rows::{ContactRows, RowInput, ToolMotion, ToolRow, build_fixed_rows, build_rows};
 use palpate_fem::sparse::FIXED;
 use proptest::prelude::*;
 
@@ -286,6 +286,10 @@ fn fixed_nodes_capacity_and_bad_numbers_are_reported() {
     let report = build_rows(&bad, &RowInput { free_of_node: &fixed, ..input }, &mut rows);
     assert_eq!((report.rigid, report.invalid, report.contacts), (1, 2, count - 3));
     assert_eq!(rows.blocks[0].contact, 3, "blocks name their contact");
+    let mut of_fixed = ContactRows::with_capacity(count);
+    assert_eq!(build_fixed_rows(&bad, &RowInput { free_of_node: &fixed, ..input }, &mut of_fixed), 1);
+    assert_eq!((of_fixed.blocks[0].contact, of_fixed.tissue.row(0).count()), (0, 0), "nothing there can move");
+    assert_eq!(of_fixed.tool[0].force, -bad[0].normal, "but the tool is pushed back along the normal");
     // A velocity vector that is too short, or not a number, is no panic either.
     assert!(build_rows(&set.contacts, &RowInput { v_free: &v_free[..9], ..input }, &mut rows).invalid > 0);
     let nan = vec![f64::NAN; 3 * n];

@@ -106,12 +106,15 @@ impl ElementMatrices {
 pub const UPPER: [(usize, usize); 10] =
     [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)];
 
-/// The tetrahedron with rest edges `I` and volume 1/6 over four nodes. What a law answers for it with edges `F` is its
+/// The tetrahedron with rest edges `I` and volume 1/6. What a law answers for it with edges `F` is its
 /// stress and tangent at a point: forces `-P / 6`, and block `(k, l)` is `∂P_.k / ∂F_.l / 6` (Pa).
-pub const fn unit(nodes: [u32; 4]) -> Tetrahedron {
-    let inverse_rest_edges = Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
-    Tetrahedron { nodes, inverse_rest_edges, volume: 1.0 / 6.0 }
-}
+///
+/// It belongs to no mesh: its nodes are not meant to be looked up.
+pub const UNIT: Tetrahedron = Tetrahedron {
+    nodes: [0, 1, 2, 3],
+    inverse_rest_edges: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+    volume: 1.0 / 6.0,
+};
 
 /// Forces and blocks of one element, to be summed over the body.
 pub(crate) trait NodalShares {

@@ -19,8 +19,8 @@ pub struct BlockPattern {
 
 impl BlockPattern {
     /// The pattern of elements given by their free nodes; [`FIXED`] entries are skipped.
-    pub fn from_elements<const N: usize>(free_nodes: usize, elements: &[[u32; N]]) -> Self {
-        Self::from_cliques(free_nodes, elements.iter().map(<[u32; N]>::as_slice))
+    pub fn from_elements(free_nodes: usize, elements: &[[u32; 4]]) -> Self {
+        Self::from_cliques(free_nodes, elements.iter().map(<[u32; 4]>::as_slice))
     }
 
     /// The pattern of sets of nodes that are all coupled to one another; [`FIXED`] entries are skipped.

@@ -133,7 +133,7 @@ fn forces_and_tangents_are_derivatives_of_the_energy() {
 fn rigid_motion_is_free_of_force_and_forces_carry_no_momentum() {
     for kind in ElementKind::ALL {
         let mesh = distorted(kind);
-        for material in laws_for(kind, 5e3, 0.45) {
+        for material in laws_for(kind, 5e3, 0.45).into_iter().filter(Law::is_frame_indifferent) {
             let model = FemModel::new(&mesh, &config(kind, material)).unwrap();
             let mut ws = FemWorkspace::new(&model);
             let R = Rotation3::from_euler_angles(2.1, -0.7, 1.3).into_inner();

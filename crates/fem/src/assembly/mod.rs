@@ -22,8 +22,9 @@ pub(crate) use self::scatter::ScatterLists;
 pub use self::viscous::advance_memory;
 use self::{scatter::slots, sum::sum_elements, viscous::StepTissue};
 use crate::{
+    averaging::AveragingWorkspace,
     element::{
-        ElementKind, ElementMatrices, NodalShares,
+        ElementKind, ElementMatrices, NodalShares, QuadraticTetrahedron,
         quadratic::{POINTS, QuadraticMatrices},
     },
     material::{BatchReport, Law},
@@ -46,11 +47,14 @@ pub struct FemWorkspace {
     /// The step (s) in which viscous tissue relaxes, for functions that are told none. At first infinity: the relaxed
     /// equilibrium.
     pub dt: f64,
+    /// Whether the next assemblies filter the tangents; at first what the model says.
+    pub filter: bool,
     /// Upper blocks of `K`.
     upper: Vec<Matrix3<f64>>,
     /// Element results: one batch on one thread, all batches on several. Of quadratic bodies in the second list.
     results: Vec<ElementMatrices>,
     quadratic_results: Vec<QuadraticMatrices>,
+    averaging: AveragingWorkspace,
     /// Slot of each element in `results`; empty on one thread.
     slot: Vec<u32>,
 }
@@ -68,9 +72,11 @@ impl FemWorkspace {
             rhs: vec![0.0; 3 * model.free_nodes()],
             f_int: vec![Vector3::zeros(); model.nodes()],
             dt: f64::INFINITY,
+            filter: model.filter(),
             upper: vec![Matrix3::zeros(); model.scatter().upper_blocks()],
             results: vec![ElementMatrices::ZERO; if quadratic { 0 } else { results }],
             quadratic_results: vec![QuadraticMatrices::ZERO; if quadratic { results } else { 0 }],
+            averaging: model.averaging().map(|groups| groups.workspace()).unwrap_or_default(),
             slot: if parallel { slots(model.batches(), size) } else { Vec::new() },
         }
     }
@@ -200,6 +206,10 @@ pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace
             }
         }
     }
+    if let Some(groups) = model.averaging() {
+        groups.pressures(model.elements(), &state.q, false, false, &mut ws.averaging);
+        groups.add_forces(model.elements(), &state.q, &ws.averaging, &mut ws.f_int);
+    }
 }
 
 /// Elastic energy of the body (J); of viscous tissue, what it would be after an instantaneous deformation.
@@ -215,7 +225,7 @@ pub fn incremental_energy(model: &FemModel, state: &FemState, dt: f64) -> f64 {
 
 /// Sums an energy density (J/m³), given by batch, point in it and deformation gradient, over the body (J).
 fn sum_energy(model: &FemModel, state: &FemState, density: impl Fn(&Batch, usize, &Matrix3<f64>) -> f64) -> f64 {
-    let mut energy = 0.0;
+    let mut energy = model.averaging().map_or(0.0, |groups| groups.energy(model.elements(), &state.q));
     for batch in model.batches() {
         for (e, element) in batch.of(model.quadratic_elements()).iter().enumerate() {
             let points = element.deformation_gradients(&state.q);
@@ -231,6 +241,20 @@ fn sum_energy(model: &FemModel, state: &FemState, density: impl Fn(&Batch, usize
         }
     }
     energy
+}
+
+/// Volume ratio that the bulk term sees in each element, in the order of [`FemModel::elements`]: its own `det F`, the mean
+/// over the points of a quadratic element, or the mean of the groups of an averaged one. For pictures of the pressure.
+pub fn volume_ratios(model: &FemModel, state: &FemState) -> Vec<f64> {
+    let of_quadratic = |element: &QuadraticTetrahedron| {
+        let at_points = element.deformation_gradients(&state.q);
+        at_points.iter().zip(element.weights).map(|(F, w)| w * F.determinant()).sum::<f64>() / element.volume()
+    };
+    match (model.element_kind(), model.averaging()) {
+        (ElementKind::Quadratic, _) => model.quadratic_elements().iter().map(of_quadratic).collect(),
+        (_, Some(groups)) => groups.ratios(model.elements(), &state.q),
+        _ => model.elements().iter().map(|e| e.deformation_gradient(&state.q).determinant()).collect(),
+    }
 }
 
 /// One block of `mass M + stiffness K`. Diagonal blocks are made symmetric: their sums are so only up to rounding.

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::{AssemblyReport, FemWorkspace, ROWS, ScatterLists, viscous::StepTissue};
 use crate::{
     element::{
-        ElementKind, ElementMatrices, NodalShares, Tetrahedron,
+        ElementKind, ElementMatrices, NodalShares, Tetrahedron, UNIT,
         quadratic::{POINTS, QuadraticMatrices, quadratic_batch},
     },
     material::BatchReport,
@@ -15,28 +15,59 @@ use crate::{
 
 /// Computes all elements and sums them into `ws.upper` and `ws.f_int`; `dt` (s) is the step that viscous tissue relaxes in.
 pub(super) fn sum_elements(model: &FemModel, state: &FemState, dt: f64, ws: &mut FemWorkspace) -> AssemblyReport {
-    let (q, filter) = (&state.q, model.filter());
+    let (q, filter) = (&state.q, ws.filter);
+    let parallel = !ws.slot.is_empty() && rayon::current_num_threads() > 1;
+    if let Some(groups) = model.averaging() {
+        groups.pressures(model.elements(), q, filter, parallel, &mut ws.averaging);
+    }
+    let pressures = &ws.averaging.pressures;
     let sums = Sums {
         batches: model.batches(),
         size: model.batch_size(),
         scatter: model.scatter(),
         slot: &ws.slot,
+        parallel,
         upper: &mut ws.upper,
         f_int: &mut ws.f_int,
     };
     let report = match model.element_kind() {
         ElementKind::Linear => sums.fill(&mut ws.results, |batch, results: &mut [ElementMatrices]| {
-            StepTissue::new(batch, state, dt).batch(0, batch.of(model.elements()), q, filter, results)
+            StepTissue::new(batch, state, dt).batch(batch.of(model.elements()), q, filter, results)
         }),
         ElementKind::Quadratic => sums.fill(&mut ws.quadratic_results, |batch, results: &mut [QuadraticMatrices]| {
             let tissue = StepTissue::new(batch, state, dt);
-            let answer = |k: usize, units: &[Tetrahedron], columns: &[Vector3<f64>], out: &mut [ElementMatrices]| {
-                tissue.batch(k * POINTS, units, columns, filter, out)
+            let answer = |k: usize, p: usize, F: &Matrix3<f64>, out: &mut ElementMatrices| {
+                tissue.element(k * POINTS + p, &UNIT, F, filter, out)
             };
             quadratic_batch(batch.of(model.quadratic_elements()), q, answer, results)
         }),
+        ElementKind::Averaged => sums.fill(&mut ws.results, |batch, results: &mut [ElementMatrices]| {
+            let tissue = StepTissue::new(batch, state, dt);
+            pressure_batch(&tissue, batch.of(model.elements()), batch.of(pressures), q, filter, results)
+        }),
     };
+    if let Some(groups) = model.averaging() {
+        groups.add_blocks(model.elements(), q, parallel, &mut ws.averaging, &mut ws.upper);
+    }
     AssemblyReport::new(report, model)
+}
+
+/// Forces and exact tangents of elements under pressures.
+fn pressure_batch(
+    tissue: &StepTissue<'_>,
+    elements: &[Tetrahedron],
+    pressures: &[f64],
+    q: &[Vector3<f64>],
+    filter: bool,
+    out: &mut [ElementMatrices],
+) -> BatchReport {
+    let mut report = BatchReport::default();
+    for (k, ((element, &pressure), out)) in elements.iter().zip(pressures).zip(out).enumerate() {
+        let edges = element.edges(q);
+        let filtered = tissue.element_under_pressure(k, element, &edges, pressure, filter, out);
+        report.note(k as u32, edges.determinant() / (6.0 * element.volume), filtered, out.is_finite());
+    }
+    report
 }
 
 /// What the results of the elements are summed into, and by which lists.
@@ -47,6 +78,7 @@ struct Sums<'a> {
     scatter: &'a ScatterLists,
     /// Slot of each element among the results; empty on one thread.
     slot: &'a [u32],
+    parallel: bool,
     upper: &'a mut [Matrix3<f64>],
     f_int: &'a mut [Vector3<f64>],
 }
@@ -61,8 +93,8 @@ impl Sums<'_> {
         let compute = |batch: &Batch, results: &mut [R]| {
             compute(batch, &mut results[..batch.elements.len()]).shifted(batch.elements.start as u32)
         };
-        let Self { batches, size, scatter, slot, upper, f_int } = self;
-        if slot.is_empty() || rayon::current_num_threads() == 1 {
+        let Self { batches, size, scatter, slot, parallel, upper, f_int } = self;
+        if !parallel {
             upper.fill(Matrix3::zeros());
             f_int.fill(Vector3::zeros());
             let mut report = BatchReport::default();

@@ -6,13 +6,17 @@ use nalgebra::{Matrix3, Vector3, Vector6};
 
 use crate::{
     element::{ElementKind, ElementMatrices, Tetrahedron, quadratic::POINTS},
-    material::{BatchReport, Law, viscosity::Relaxation},
+    material::{
+        BatchReport, Law, Material,
+        viscosity::{Relaxation, add_memory},
+    },
     model::{Batch, FemModel, FemState},
 };
 
 /// A batch's tissue over one step. Points are counted from the batch's first: elements, or their points of quadrature.
 pub(super) struct StepTissue<'a> {
-    batch: &'a Batch,
+    /// The law, relaxed by the step.
+    law: Material,
     relaxation: Relaxation<'a>,
     memory: &'a [Vector6<f64>],
 }
@@ -20,50 +24,90 @@ pub(super) struct StepTissue<'a> {
 impl<'a> StepTissue<'a> {
     /// The tissue over a step `dt` (s); infinity for the relaxed equilibrium.
     pub(super) fn new(batch: &'a Batch, state: &'a FemState, dt: f64) -> Self {
+        let relaxation = Relaxation { terms: &batch.tissue.viscosity, dt };
+        let law = batch.tissue.material;
         Self {
-            batch,
-            relaxation: Relaxation { terms: &batch.tissue.viscosity, dt },
+            law: if relaxation.terms.is_empty() { law } else { law.relaxed(relaxation.share()) },
+            relaxation,
             memory: state.memory.get(batch.memory.clone()).unwrap_or_default(),
         }
     }
 
-    /// Stresses of the points from `first` on.
-    fn remembered(&self, first: usize) -> &'a [Vector6<f64>] {
-        self.memory.get(first * self.relaxation.terms.len()..).unwrap_or_default()
+    /// `Γ` of a point (Pa); none in elastic tissue.
+    fn remembered(&self, point: usize) -> Option<Matrix3<f64>> {
+        let terms = self.relaxation.terms.len();
+        let history = self.memory.get(point * terms..(point + 1) * terms)?;
+        (terms > 0).then(|| self.relaxation.memory(history))
     }
 
-    /// [`Law::batch`] for the points from `first` on.
+    /// [`Law::batch`] for the linear elements of the batch.
     pub(super) fn batch(
         &self,
-        first: usize,
         elements: &[Tetrahedron],
         q: &[Vector3<f64>],
         filter: bool,
         out: &mut [ElementMatrices],
     ) -> BatchReport {
-        let law = &self.batch.tissue.material;
         if self.relaxation.terms.is_empty() {
-            return law.batch(elements, q, filter, out);
+            return self.law.batch(elements, q, filter, out);
         }
-        self.relaxation.batch(law, self.remembered(first), elements, q, filter, out)
+        let mut report = BatchReport::default();
+        for (k, (element, out)) in elements.iter().zip(out).enumerate() {
+            let edges = element.edges(q);
+            let filtered = self.element(k, element, &edges, filter, out);
+            report.note(k as u32, edges.determinant() / (6.0 * element.volume), filtered, out.is_finite());
+        }
+        report
+    }
+
+    /// [`Law::element`] for a point.
+    pub(super) fn element(
+        &self,
+        point: usize,
+        element: &Tetrahedron,
+        edges: &Matrix3<f64>,
+        filter: bool,
+        out: &mut ElementMatrices,
+    ) -> bool {
+        self.law.element(element, edges, filter, out) | self.add_memory(point, element, edges, filter, out)
+    }
+
+    /// [`Law::element_under_pressure`] for a point. Set-up takes only laws that have an answer.
+    pub(super) fn element_under_pressure(
+        &self,
+        point: usize,
+        element: &Tetrahedron,
+        edges: &Matrix3<f64>,
+        pressure: f64,
+        filter: bool,
+        out: &mut ElementMatrices,
+    ) -> bool {
+        let filtered = self.law.element_under_pressure(element, edges, pressure, filter, out).unwrap_or_default();
+        filtered | self.add_memory(point, element, edges, filter, out)
+    }
+
+    fn add_memory(
+        &self,
+        point: usize,
+        element: &Tetrahedron,
+        edges: &Matrix3<f64>,
+        filter: bool,
+        out: &mut ElementMatrices,
+    ) -> bool {
+        self.remembered(point)
+            .is_some_and(|memory| add_memory(element, &(edges * element.inverse_rest_edges), &memory, filter, out))
     }
 
     /// First Piola stress of a point (Pa).
     pub(super) fn first_piola(&self, point: usize, F: &Matrix3<f64>) -> Matrix3<f64> {
-        let law = &self.batch.tissue.material;
-        if self.relaxation.terms.is_empty() {
-            return law.first_piola(F);
-        }
-        self.relaxation.first_piola(law, F, self.remembered(point))
+        let P = self.law.first_piola(F);
+        self.remembered(point).map_or(P, |memory| P - F * memory)
     }
 
     /// What a step minimises at a point (J/m³).
     pub(super) fn energy_density(&self, point: usize, F: &Matrix3<f64>) -> f64 {
-        let law = &self.batch.tissue.material;
-        if self.relaxation.terms.is_empty() {
-            return law.energy_density(F);
-        }
-        self.relaxation.energy_density(law, F, self.remembered(point))
+        let green = |F: &Matrix3<f64>| (F.transpose() * F - Matrix3::identity()) * 0.5;
+        self.law.energy_density(F) - self.remembered(point).map_or(0.0, |memory| memory.dot(&green(F)))
     }
 }
 

@@ -11,17 +11,21 @@ pub enum ElementKind {
     Linear,
     /// Ten nodes, linear strain: the mesh needs mid-nodes ([`TetMesh::promoted`](crate::mesh::TetMesh::promoted)).
     Quadratic,
+    /// Four nodes; the bulk energy sees volume changes averaged over patches of elements, which removes volumetric
+    /// locking ([`averaging`](crate::averaging)). For laws with a bulk term of their own.
+    Averaged,
 }
 
 impl ElementKind {
     /// All kinds.
-    pub const ALL: [Self; 2] = [Self::Linear, Self::Quadratic];
+    pub const ALL: [Self; 3] = [Self::Linear, Self::Quadratic, Self::Averaged];
 
     /// The name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Linear => "linear",
             Self::Quadratic => "quadratic",
+            Self::Averaged => "averaged",
         }
     }
 
@@ -30,7 +34,7 @@ impl ElementKind {
     pub fn highest_poisson(self) -> f64 {
         match self {
             Self::Linear => 0.48,
-            Self::Quadratic => 0.4999,
+            Self::Quadratic | Self::Averaged => 0.4999,
         }
     }
 }

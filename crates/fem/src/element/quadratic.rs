@@ -22,7 +22,7 @@
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
-use super::{ElementMatrices, NodalShares, Tetrahedron, unit};
+use super::{ElementMatrices, NodalShares};
 use crate::{material::BatchReport, rotation::cofactor};
 
 /// Corners that each mid-node lies between, in the order of the mid-nodes.
@@ -237,7 +237,7 @@ impl QuadraticTetrahedron {
     }
 
     /// Adds point `k` to the blocks of nodes 1 to 9. `tangent` holds `∂P/∂F` over six times the unit of stress, as the
-    /// blocks of the [unit tetrahedron](super::unit): block `(k, l)` is `∂P_.k / ∂F_.l / 6` (Pa).
+    /// blocks of the [unit tetrahedron](super::UNIT): block `(k, l)` is `∂P_.k / ∂F_.l / 6` (Pa).
     fn add_blocks(&self, k: usize, tangent: &[Matrix3<f64>; 6], blocks: &mut [Matrix3<f64>; 55]) {
         let w = 6.0 * self.weights[k];
         let [c00, c01, c02, c11, c12, c22] = tangent.map(|c| c * w);
@@ -265,29 +265,26 @@ impl QuadraticTetrahedron {
     }
 }
 
-/// Forces and exact tangents of quadratic elements of one tissue: `answer` is what it answers, as
-/// [`Law::batch`](crate::material::Law::batch), to the points of element `k` as unit tetrahedra. The report counts
-/// elements, not points; its Jacobians are those of the points.
+/// Forces and exact tangents of quadratic elements of one tissue: `answer` is what it answers to point `p` of element `k` as
+/// unit tetrahedron with edges `F`, as [`Law::element`](crate::material::Law::element). The report counts elements, not
+/// points; the Jacobian of an element is the least at its points.
 pub(crate) fn quadratic_batch(
     elements: &[QuadraticTetrahedron],
     q: &[Vector3<f64>],
-    answer: impl Fn(usize, &[Tetrahedron], &[Vector3<f64>], &mut [ElementMatrices]) -> BatchReport,
+    answer: impl Fn(usize, usize, &Matrix3<f64>, &mut ElementMatrices) -> bool,
     out: &mut [QuadraticMatrices],
 ) -> BatchReport {
-    const UNITS: [Tetrahedron; POINTS] =
-        [unit([0, 1, 2, 3]), unit([0, 4, 5, 6]), unit([0, 7, 8, 9]), unit([0, 10, 11, 12])];
     let mut report = BatchReport::default();
-    let mut columns = [Vector3::zeros(); 1 + 3 * POINTS];
     let mut points = [ElementMatrices::ZERO; POINTS];
     for (k, (element, out)) in elements.iter().zip(out).enumerate() {
-        for (F, columns) in element.deformation_gradients(q).iter().zip(columns[1..].chunks_exact_mut(3)) {
-            for (column, of_F) in columns.iter_mut().zip(F.column_iter()) {
-                *column = of_F.into_owned();
-            }
+        let (mut J, mut filtered, mut finite) = (f64::INFINITY, false, true);
+        for (p, (F, point)) in element.deformation_gradients(q).iter().zip(&mut points).enumerate() {
+            filtered |= answer(k, p, F, point);
+            finite &= point.is_finite();
+            J = J.min(F.determinant());
         }
-        let at_points = answer(k, &UNITS, &columns, &mut points);
         element.matrices(&points, out);
-        report = report.merged(at_points.as_one(k as u32));
+        report.note(k as u32, J, filtered, finite);
     }
     report
 }

@@ -16,7 +16,7 @@ use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Lame, MaterialError,
+    Bulk, Lame, MaterialError,
     hyperelastic::{Hyperelastic, Response, StrainFactor},
     lame::{validate_positive, validate_young_poisson},
     volume::{guarded, logarithmic, power_of},
@@ -114,6 +114,10 @@ impl Hyperelastic for ArrudaBoyce {
 
     fn relaxed(&self, share: f64) -> Self {
         Self { modulus: self.modulus * (1.0 - share), ..*self }
+    }
+
+    fn without_bulk(&self) -> Option<(Self, Bulk)> {
+        Some((Self { bulk: 0.0, ..*self }, Bulk::Logarithmic { modulus: self.bulk }))
     }
 
     #[inline]

@@ -22,7 +22,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Lame, Law, MaterialError, principal::PrincipalTangent};
+use super::{Bulk, Lame, Law, MaterialError, bulk::UnderPressure, principal::PrincipalTangent};
 use crate::{
     element::{ElementMatrices, Tetrahedron},
     rotation::{cofactor, signed_svd},
@@ -133,6 +133,11 @@ pub trait Hyperelastic: Copy + Send + Sync {
     /// See [`Law::relaxed`].
     fn relaxed(&self, share: f64) -> Self;
 
+    /// See [`Law::without_bulk`].
+    fn without_bulk(&self) -> Option<(Self, Bulk)> {
+        None
+    }
+
     /// The sums over the terms at `C = FᵀF` and `J = det F`, which is any real number.
     fn response(&self, C: &Matrix3<f64>, J: f64) -> Response;
 }
@@ -148,6 +153,22 @@ impl<L: Hyperelastic> Law for L {
 
     fn relaxed(&self, share: f64) -> Self {
         Hyperelastic::relaxed(self, share)
+    }
+
+    fn without_bulk(&self) -> Option<(Self, Bulk)> {
+        Hyperelastic::without_bulk(self)
+    }
+
+    #[inline]
+    fn element_under_pressure(
+        &self,
+        element: &Tetrahedron,
+        edges: &Matrix3<f64>,
+        pressure: f64,
+        filter: bool,
+        out: &mut ElementMatrices,
+    ) -> Option<bool> {
+        Some(UnderPressure { law: *self, pressure }.element(element, edges, filter, out))
     }
 
     fn energy_density(&self, F: &Matrix3<f64>) -> f64 {

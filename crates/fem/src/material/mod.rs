@@ -9,6 +9,7 @@
 #![allow(non_snake_case)]
 
 pub mod arruda_boyce;
+pub mod bulk;
 pub mod corotational;
 pub mod hyperelastic;
 mod lame;
@@ -28,6 +29,7 @@ use serde::{Deserialize, Serialize};
 
 pub use self::{
     arruda_boyce::ArrudaBoyce,
+    bulk::Bulk,
     corotational::Corotational,
     lame::{Lame, MaterialError},
     linear::Linear,
@@ -56,6 +58,12 @@ pub trait Law: Copy + Send + Sync {
     /// in both moduli: energy, stress and tangent of the shear part are `(law - law.relaxed(share)) / share`.
     fn relaxed(&self, share: f64) -> Self;
 
+    /// The law without its bulk term, and that term: `Ψ(F) = rest(F) + U(det F)`. `None` where the law has no term of the
+    /// volume ratio alone that grows with Poisson's ratio.
+    fn without_bulk(&self) -> Option<(Self, Bulk)> {
+        None
+    }
+
     /// Whether a rotation of the body leaves the energy as it is: every law but the linear one.
     fn is_frame_indifferent(&self) -> bool {
         true
@@ -70,6 +78,19 @@ pub trait Law: Copy + Send + Sync {
     /// Forces and exact tangent of one element with deformed `edges` (m); with `filter`, the nearest positive
     /// semidefinite tangent in the space of `F`. Returns whether the filter changed the tangent.
     fn element(&self, element: &Tetrahedron, edges: &Matrix3<f64>, filter: bool, out: &mut ElementMatrices) -> bool;
+
+    /// [`Law::element`] for the energy `Ψ(F) + p J` under a given `pressure` `p` (Pa, positive in tension). `None` where
+    /// [`Law::without_bulk`] is.
+    fn element_under_pressure(
+        &self,
+        _element: &Tetrahedron,
+        _edges: &Matrix3<f64>,
+        _pressure: f64,
+        _filter: bool,
+        _out: &mut ElementMatrices,
+    ) -> Option<bool> {
+        None
+    }
 
     /// [`Law::element`] for a batch of at most [`BATCH`] elements. `out` is as long as `elements`.
     fn batch(
@@ -128,15 +149,6 @@ impl BatchReport {
     pub(crate) fn shifted(mut self, first: u32) -> Self {
         self.min_jacobian_element = self.min_jacobian_element.saturating_add(first);
         self.non_finite = self.non_finite.map(|e| e + first);
-        self
-    }
-
-    /// The points of one element as that element: counted once, whatever the number of its points.
-    pub(crate) fn as_one(mut self, element: u32) -> Self {
-        self.filtered = self.filtered.min(1);
-        self.inverted = self.inverted.min(1);
-        self.min_jacobian_element = if self.min_jacobian_element == u32::MAX { u32::MAX } else { element };
-        self.non_finite = self.non_finite.map(|_| element);
         self
     }
 
@@ -200,6 +212,23 @@ macro_rules! materials {
 
             fn relaxed(&self, share: f64) -> Self {
                 match self { $(Self::$variant(law) => Self::$variant(Law::relaxed(law, share))),+ }
+            }
+
+            fn without_bulk(&self) -> Option<(Self, Bulk)> {
+                match self { $(Self::$variant(law) => Law::without_bulk(law).map(|(law, bulk)| (law.into(), bulk))),+ }
+            }
+
+            fn element_under_pressure(
+                &self,
+                element: &Tetrahedron,
+                edges: &Matrix3<f64>,
+                pressure: f64,
+                filter: bool,
+                out: &mut ElementMatrices,
+            ) -> Option<bool> {
+                match self {
+                    $(Self::$variant(law) => law.element_under_pressure(element, edges, pressure, filter, out)),+
+                }
             }
 
             fn is_frame_indifferent(&self) -> bool {

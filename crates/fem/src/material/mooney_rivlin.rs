@@ -15,7 +15,7 @@ use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Lame, MaterialError,
+    Bulk, Lame, MaterialError,
     hyperelastic::{Hyperelastic, Response, StrainFactor},
     lame::{validate_positive, validate_young_poisson},
     volume::{guarded, logarithmic, power_of},
@@ -93,6 +93,10 @@ impl Hyperelastic for MooneyRivlin {
 
     fn relaxed(&self, share: f64) -> Self {
         Self { c1: self.c1 * (1.0 - share), c2: self.c2 * (1.0 - share), bulk: self.bulk }
+    }
+
+    fn without_bulk(&self) -> Option<(Self, Bulk)> {
+        Some((Self { bulk: 0.0, ..*self }, Bulk::Logarithmic { modulus: self.bulk }))
     }
 
     #[inline]

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 pub use super::volume::EXTENSION_BELOW;
 use super::{
-    Lame, MaterialError,
+    Bulk, Lame, MaterialError,
     hyperelastic::{Hyperelastic, Response, StrainFactor, VolumeFactor},
     lame::validate_young_poisson,
     volume::logarithmic,
@@ -96,6 +96,11 @@ impl Hyperelastic for NeoHookean {
     fn relaxed(&self, share: f64) -> Self {
         let lame = Hyperelastic::small_strain(self).relaxed(share);
         Self { young: lame.young(), poisson: lame.poisson() }
+    }
+
+    fn without_bulk(&self) -> Option<(Self, Bulk)> {
+        let Lame { mu, lambda } = Hyperelastic::small_strain(self);
+        Some((Self { young: 2.0 * mu, poisson: 0.0 }, Bulk::Logarithmic { modulus: lambda }))
     }
 
     #[inline]

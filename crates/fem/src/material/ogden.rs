@@ -23,7 +23,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Lame, Law, MaterialError,
+    Bulk, Lame, Law, MaterialError,
     hyperelastic::VolumeFactor,
     lame::{validate_positive, validate_young_poisson},
     principal::PrincipalTangent,
@@ -109,6 +109,22 @@ impl Ogden {
             g,
             dJ: Vector3::new(sigma.y * sigma.z, sigma.z * sigma.x, sigma.x * sigma.y),
         }
+    }
+
+    /// Forces and tangent at a state of the law; whether the filter acted.
+    fn element_at(
+        &self,
+        element: &Tetrahedron,
+        svd: SignedSvd,
+        state: &Principal,
+        filter: bool,
+        out: &mut ElementMatrices,
+    ) -> bool {
+        out.forces = element.forces(&state.stress(&svd));
+        let mut tangent = self.tangent(svd, state);
+        let acted = filter && tangent.filter();
+        tangent.blocks(element, &mut out.blocks);
+        acted
     }
 
     fn tangent(&self, svd: SignedSvd, p: &Principal) -> PrincipalTangent {
@@ -212,6 +228,24 @@ impl Law for Ogden {
         Self { mu: self.mu * (1.0 - share), ..*self }
     }
 
+    fn without_bulk(&self) -> Option<(Self, Bulk)> {
+        Some((Self { bulk: 0.0, ..*self }, Bulk::Logarithmic { modulus: self.bulk }))
+    }
+
+    fn element_under_pressure(
+        &self,
+        element: &Tetrahedron,
+        edges: &Matrix3<f64>,
+        pressure: f64,
+        filter: bool,
+        out: &mut ElementMatrices,
+    ) -> Option<bool> {
+        let svd = signed_svd(&(edges * element.inverse_rest_edges));
+        let mut state = self.state(&svd.sigma);
+        state.s1 += pressure;
+        Some(self.element_at(element, svd, &state, filter, out))
+    }
+
     fn energy_density(&self, F: &Matrix3<f64>) -> f64 {
         self.state(&signed_svd(F).sigma).energy
     }
@@ -223,11 +257,6 @@ impl Law for Ogden {
 
     fn element(&self, element: &Tetrahedron, edges: &Matrix3<f64>, filter: bool, out: &mut ElementMatrices) -> bool {
         let svd = signed_svd(&(edges * element.inverse_rest_edges));
-        let state = self.state(&svd.sigma);
-        out.forces = element.forces(&state.stress(&svd));
-        let mut tangent = self.tangent(svd, &state);
-        let acted = filter && tangent.filter();
-        tangent.blocks(element, &mut out.blocks);
-        acted
+        self.element_at(element, svd, &self.state(&svd.sigma), filter, out)
     }
 }

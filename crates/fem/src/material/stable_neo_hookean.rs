@@ -17,7 +17,7 @@ use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Lame, MaterialError,
+    Bulk, Lame, MaterialError,
     hyperelastic::{Hyperelastic, Response, VolumeFactor},
     lame::{ElasticParameters, validate_young_poisson},
 };
@@ -64,6 +64,11 @@ impl Hyperelastic for StableNeoHookean {
     fn relaxed(&self, share: f64) -> Self {
         let lame = Hyperelastic::small_strain(self).relaxed(share);
         Self { young: lame.young(), poisson: lame.poisson() }
+    }
+
+    fn without_bulk(&self) -> Option<(Self, Bulk)> {
+        let Lame { mu, lambda } = Hyperelastic::small_strain(self);
+        Some((Self { young: 2.0 * mu, poisson: 0.0 }, Bulk::Quadratic { modulus: lambda }))
     }
 
     #[inline]

@@ -17,7 +17,7 @@ use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Lame, MaterialError,
+    Bulk, Lame, MaterialError,
     hyperelastic::{Hyperelastic, Response, VolumeFactor},
     lame::{validate_positive, validate_young_poisson},
     mooney_rivlin::second_invariant,
@@ -107,6 +107,10 @@ impl Hyperelastic for VerondaWestmann {
 
     fn relaxed(&self, share: f64) -> Self {
         Self { c1: self.c1 * (1.0 - share), ..*self }
+    }
+
+    fn without_bulk(&self) -> Option<(Self, Bulk)> {
+        Some((Self { bulk: 0.0, ..*self }, Bulk::Logarithmic { modulus: self.bulk }))
     }
 
     #[inline]

@@ -20,10 +20,10 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::{Cholesky, Matrix3, SMatrix, Vector3, Vector6};
+use nalgebra::{Cholesky, Matrix3, SMatrix, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::{BatchReport, Law, Material, MaterialError, volume::EXTENSION_BELOW};
+use super::{Law, Material, MaterialError, volume::EXTENSION_BELOW};
 use crate::{
     element::{ElementMatrices, Tetrahedron},
     rotation::{cofactor, signed_svd},
@@ -80,7 +80,7 @@ impl Relaxation<'_> {
     }
 
     /// `Γ` (Pa) from the stresses of one element at the begin of the step.
-    fn memory(&self, history: &[Vector6<f64>]) -> Matrix3<f64> {
+    pub(crate) fn memory(&self, history: &[Vector6<f64>]) -> Matrix3<f64> {
         let terms = self.terms.iter().zip(history);
         symmetric(&terms.map(|(t, stress)| stress * (1.0 - self.done(t))).sum())
     }
@@ -93,49 +93,13 @@ impl Relaxation<'_> {
             *stress = S * (term.modulus * done) + *stress * (1.0 - done);
         }
     }
-
-    /// What a step minimises in one element (J/m³).
-    pub(crate) fn energy_density(&self, law: &Material, F: &Matrix3<f64>, history: &[Vector6<f64>]) -> f64 {
-        let green = (F.transpose() * F - Matrix3::identity()) * 0.5;
-        law.relaxed(self.share()).energy_density(F) - self.memory(history).dot(&green)
-    }
-
-    /// First Piola stress at the end of the step (Pa).
-    pub(crate) fn first_piola(&self, law: &Material, F: &Matrix3<f64>, history: &[Vector6<f64>]) -> Matrix3<f64> {
-        law.relaxed(self.share()).first_piola(F) - F * self.memory(history)
-    }
-
-    /// [`Law::batch`] with viscosity; `history` has the stresses of the elements, term by term.
-    ///
-    /// With `filter` the law's tangent is made semidefinite by itself. Where it is not so any more with the memory, the
-    /// memory's share of the tangent is replaced by its semidefinite part. An element that both change is counted twice,
-    /// the report never names more than there are.
-    pub(crate) fn batch(
-        &self,
-        law: &Material,
-        history: &[Vector6<f64>],
-        elements: &[Tetrahedron],
-        q: &[Vector3<f64>],
-        filter: bool,
-        out: &mut [ElementMatrices],
-    ) -> BatchReport {
-        let mut report = law.relaxed(self.share()).batch(elements, q, filter, out);
-        let all = elements.iter().zip(out).zip(history.chunks_exact(self.terms.len().max(1)));
-        for (k, ((element, out), history)) in all.enumerate() {
-            let filtered = add_memory(element, &element.deformation_gradient(q), &self.memory(history), filter, out);
-            if filtered {
-                report.filtered = (report.filtered + 1).min(elements.len() as u32);
-            }
-            if report.non_finite.is_none() && !out.is_finite() {
-                report.non_finite = Some(k as u32);
-            }
-        }
-        report
-    }
 }
 
 /// Adds the stress `-Γ` to one element whose law is already in `out`. Returns whether the filter changed the tangent.
-fn add_memory(
+///
+/// With `filter` the law's tangent is semidefinite by itself. Where it is not so any more with the memory, the memory's share
+/// of the tangent is replaced by its semidefinite part.
+pub(crate) fn add_memory(
     element: &Tetrahedron,
     F: &Matrix3<f64>,
     memory: &Matrix3<f64>,

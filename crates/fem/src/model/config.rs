@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use thiserror::Error;
 
 use crate::{
+    averaging::Grouping,
     element::{ElementKind, quadratic::MidNodeError},
     material::{Law, Material, MaterialError, NeoHookean, PronyTerm, viscosity::validate_prony},
     mesh::TetMesh,
@@ -20,6 +21,8 @@ pub const MAX_STIFFNESS_RATIO: f64 = 1e4;
 pub struct FemConfig {
     /// The kind of all elements; quadratic ones need a mesh with mid-nodes. Default: linear.
     pub element: ElementKind,
+    /// How averaged elements are grouped. Default: patches, which the convergence study favours.
+    pub grouping: Grouping,
     /// Material of the regions that `region_materials` does not name. Default: neo-Hookean, 5 kPa, 0.45 (soft liver).
     pub material: Material,
     /// Material by region name. Default: none.
@@ -52,6 +55,7 @@ impl Default for FemConfig {
     fn default() -> Self {
         Self {
             element: ElementKind::Linear,
+            grouping: Grouping::Patches,
             material: NeoHookean { young: 5e3, poisson: 0.45 }.into(),
             region_materials: BTreeMap::new(),
             viscosity: Vec::new(),
@@ -101,6 +105,14 @@ pub enum FemError {
         tetrahedron: usize,
         /// Its volume (m³).
         volume: f64,
+    },
+    /// Averaged elements of a law that has no bulk term to average.
+    #[error(
+        "averaged elements need a law with a bulk term U(J), which {law} does not have: use `neo_hookean` or another          hyperelastic law with one, or quadratic elements"
+    )]
+    NoBulk {
+        /// Name of the law.
+        law: &'static str,
     },
     /// The mesh and the elements have different nodes.
     #[error(

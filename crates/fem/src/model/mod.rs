@@ -12,8 +12,9 @@ pub use self::config::{FemConfig, FemError, MAX_STIFFNESS_RATIO};
 use self::elements::Elements;
 use crate::{
     assembly::ScatterLists,
+    averaging::{Averaging, Groups, cliques},
     element::{ElementKind, QuadraticTetrahedron, Tetrahedron, quadratic::POINTS},
-    material::{BATCH, Law, Material},
+    material::{BATCH, Bulk, Law, Material},
     mesh::TetMesh,
     sparse::{BlockPattern, FIXED},
 };
@@ -62,6 +63,7 @@ pub struct FemModel {
     node_of_free: Vec<u32>,
     pattern: Arc<BlockPattern>,
     scatter: ScatterLists,
+    averaging: Option<Averaging>,
     gravity: Vector3<f64>,
     rayleigh_mass: f64,
     rayleigh_stiffness: f64,
@@ -80,7 +82,7 @@ impl FemModel {
         let region_of = |t: usize| mesh.regions.get(t).map_or(0, |&r| r as usize);
 
         // Elements of one material lie together, in mesh order within it.
-        let (tissues, tissue_of_region) = distinct_tissues(&regions);
+        let (mut tissues, tissue_of_region) = distinct_tissues(&regions);
         let mut order: Vec<u32> = (0..mesh.tetrahedra.len() as u32).collect();
         order.sort_by_key(|&t| tissue_of_region[region_of(t as usize)]);
         check_stiffness_ratio(order.iter().map(|&t| &regions[region_of(t as usize)].0.material))?;
@@ -102,9 +104,24 @@ impl FemModel {
         let corners: Vec<[u32; 4]> = elements.iter().map(|e| e.nodes).collect();
         let free_tetrahedra: Vec<[u32; 4]> = corners.iter().map(|e| e.map(|i| free_of_node[i as usize])).collect();
         let ten_nodes: Vec<[u32; 10]> = quadratic.iter().map(|e| e.nodes).collect();
+        let free = node_of_free.len();
+        let mut averaging = None;
         let (pattern, scatter) = match config.element {
-            ElementKind::Linear => lists(&corners, &free_of_node, node_of_free.len()),
-            ElementKind::Quadratic => lists(&ten_nodes, &free_of_node, node_of_free.len()),
+            ElementKind::Linear => lists(&corners, &[], &free_of_node, free),
+            ElementKind::Quadratic => lists(&ten_nodes, &[], &free_of_node, free),
+            ElementKind::Averaged => {
+                let of_element: Vec<usize> = order.iter().map(|&t| tissue_of_region[region_of(t as usize)]).collect();
+                let runs = runs(&of_element);
+                let bulk_of_run = split_bulk(&mut tissues, &of_element, &runs)?;
+                let groups = Groups::new(config.grouping, &corners, &runs);
+                let run_of = |e: u32| runs.partition_point(|run| run.end <= e as usize);
+                let bulk = groups.members.iter().map(|m| bulk_of_run[run_of(m[0])]).collect();
+                let cliques = cliques(&groups, &corners, &free_of_node);
+                let (pattern, scatter) = lists(&corners, &cliques, &free_of_node, free);
+                let lists = Averaging::new(groups, bulk, &cliques, &elements, &free_of_node, &pattern, &scatter);
+                averaging = Some(lists);
+                (pattern, scatter)
+            }
         };
         let size = batch_size(config.element);
         let mut batches = batches(order.iter().map(|&t| tissue_of_region[region_of(t as usize)]), &tissues, size);
@@ -129,6 +146,7 @@ impl FemModel {
             node_of_free,
             pattern,
             scatter,
+            averaging,
             gravity: config.gravity,
             rayleigh_mass: config.rayleigh_mass,
             rayleigh_stiffness: config.rayleigh_stiffness,
@@ -245,6 +263,10 @@ impl FemModel {
         batch_size(self.kind)
     }
 
+    pub(crate) fn averaging(&self) -> Option<&Averaging> {
+        self.averaging.as_ref()
+    }
+
     pub(crate) fn scatter(&self) -> &ScatterLists {
         &self.scatter
     }
@@ -282,14 +304,17 @@ fn batch_size(kind: ElementKind) -> usize {
     if kind == ElementKind::Quadratic { BATCH / POINTS } else { BATCH }
 }
 
-/// Pattern over the free nodes, and the lists that fill it from elements over the given nodes.
+/// Pattern over the free nodes, and the lists that fill it from elements over the given nodes; `cliques` of free nodes are
+/// coupled as well.
 fn lists<const N: usize>(
     elements: &[[u32; N]],
+    cliques: &[Vec<u32>],
     free_of_node: &[u32],
     free_nodes: usize,
 ) -> (Arc<BlockPattern>, ScatterLists) {
     let free: Vec<[u32; N]> = elements.iter().map(|e| e.map(|i| free_of_node[i as usize])).collect();
-    let pattern = BlockPattern::from_elements(free_nodes, &free);
+    let coupled = free.iter().map(<[u32; N]>::as_slice).chain(cliques.iter().map(Vec::as_slice));
+    let pattern = BlockPattern::from_cliques(free_nodes, coupled);
     let scatter = ScatterLists::new(&pattern, elements, free_of_node);
     (Arc::new(pattern), scatter)
 }
@@ -307,6 +332,27 @@ fn distinct_tissues(regions: &[(Tissue, f64)]) -> (Vec<Tissue>, Vec<usize>) {
         })
         .collect();
     (tissues, of_region)
+}
+
+/// Runs of elements of one material.
+fn runs(material_of_element: &[usize]) -> Vec<Range<usize>> {
+    let mut start = 0;
+    let run = |run: &[usize]| {
+        start += run.len();
+        start - run.len()..start
+    };
+    material_of_element.chunk_by(|a, b| a == b).map(run).collect()
+}
+
+/// Takes the bulk terms out of the materials that elements have; returns them by run.
+fn split_bulk(tissues: &mut [Tissue], of_element: &[usize], runs: &[Range<usize>]) -> Result<Vec<Bulk>, FemError> {
+    let split = |run: &Range<usize>| {
+        let material = &mut tissues[of_element[run.start]].material;
+        let (rest, bulk) = material.without_bulk().ok_or(FemError::NoBulk { law: material.name() })?;
+        *material = rest;
+        Ok(bulk)
+    };
+    runs.iter().map(split).collect()
 }
 
 fn check_stiffness_ratio<'a>(materials: impl Iterator<Item = &'a Material>) -> Result<(), FemError> {

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use palpate_fem::{
     assembly::{Coefficients, FemWorkspace, assemble_with},
     element::ElementKind,
-    material::Material,
+    material::{Law, Material},
     mesh::TetMesh,
     model::{FemModel, FemState},
 };
@@ -173,6 +173,8 @@ pub(crate) fn mesh_for(mesh: &TetMesh, kind: ElementKind) -> TetMesh {
 }
 
 /// Every registered law that elements of this kind can be made of, with the same small-strain parameters.
-pub(crate) fn laws_for(_kind: ElementKind, young: f64, poisson: f64) -> Vec<Material> {
-    all_materials(young, poisson)
+pub(crate) fn laws_for(kind: ElementKind, young: f64, poisson: f64) -> Vec<Material> {
+    let mut laws = all_materials(young, poisson);
+    laws.retain(|law| kind != ElementKind::Averaged || law.without_bulk().is_some());
+    laws
 }

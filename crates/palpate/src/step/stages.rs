@@ -5,7 +5,7 @@ use palpate_collision::contact::Contact;
 use palpate_collision::detection::detect;
 use palpate_constraints::compliance::{self, ComplianceMethod, WarpedInverse};
 use palpate_constraints::law::{Coulomb, Law, Signorini};
-use palpate_constraints::rows::{RowInput, ToolMotion, build_rows};
+use palpate_constraints::rows::{ContactRows, RowInput, ToolMotion, build_fixed_rows, build_rows};
 use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
 use palpate_fem::preconditioner::WarpedPreconditioner;
@@ -81,7 +81,8 @@ pub(super) fn rows(
         friction: friction > 0.0,
     };
     report.rows = build_rows(&state.contacts.contacts, &input, &mut ws.rows);
-    let law: Law = if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() };
+    build_fixed_rows(&state.contacts.contacts, &input, &mut ws.fixed_rows);
+    let law = contact_law(world);
     // As many rows as the capacity was made for: the reset cannot fail, and an empty problem is a safe one if it did.
     if ws.problem.reset(ws.rows.len()).is_err() {
         ws.rows.clear();
@@ -89,6 +90,12 @@ pub(super) fn rows(
     }
     ws.rows.blocks.iter().for_each(|_| ws.problem.push_block(law));
     ws.problem.delta_free_mut().copy_from_slice(&ws.rows.delta_free);
+}
+
+/// The law of a contact with the tool.
+fn contact_law(world: &World) -> Law {
+    let friction = world.description().contact.friction;
+    if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() }
 }
 
 /// `W = h² H A⁻¹ Hᵀ` from the latest factor, warped by the rotations since it was taken, or from this step's own.
@@ -240,29 +247,46 @@ pub(super) fn hand_over(
     if !sound {
         return;
     }
-    let blocks = ws.problem.blocks();
-    for (block, rows) in blocks.iter().zip(&ws.rows.blocks) {
-        let range = rows.range();
-        let mut tool_rows = [[0.0; 6]; 3];
-        for (to, from) in tool_rows.iter_mut().zip(&ws.rows.tool[range.clone()]) {
-            *to = [from.force.x, from.force.y, from.force.z, from.torque.x, from.torque.y, from.torque.z];
-        }
-        let Some(contact) = state.contacts.contacts.get(rows.contact as usize) else { continue };
-        snapshot.push(&SnapshotContact {
-            law: block.law,
-            feature: contact.feature,
-            tool_rows: &tool_rows[..range.len()],
-            delta_free: &ws.rows.delta_free[range.clone()],
-            lambda: &ws.lambda[range],
-        });
-    }
-    // The problem's memory is a square of its own rows, and as many rows were pushed.
-    let view = ws.problem.view();
     let m = ws.rows.len();
-    if snapshot.rows() == m {
-        for (j, column) in snapshot.compliance_mut().chunks_exact_mut(m.max(1)).enumerate() {
-            column.copy_from_slice(view.column(j));
+    let lambda = ws.lambda.get(..m).unwrap_or(&[]);
+    let of_tissue = push_rows(world, &ws.rows, lambda, state, snapshot);
+    // Fixed skin gives way to nothing: its rows and columns of W are zero, and the tick adds the compliance of the tool.
+    let all = of_tissue && push_rows(world, &ws.fixed_rows, &[], state, snapshot);
+    let view = ws.problem.view();
+    let n = snapshot.rows();
+    if all && n == m + ws.fixed_rows.len() {
+        for (j, column) in snapshot.compliance_mut().chunks_exact_mut(n.max(1)).enumerate() {
+            column.fill(0.0);
+            if j < m {
+                column[..m].copy_from_slice(view.column(j));
+            }
         }
         snapshot.valid = true;
     }
+}
+
+/// Pushes all contacts that have rows, with zero force where `lambda` has none; false where one found no room.
+fn push_rows(
+    world: &World,
+    rows: &ContactRows,
+    lambda: &[f64],
+    state: &StepState,
+    snapshot: &mut HapticSnapshot,
+) -> bool {
+    rows.blocks.iter().all(|block| {
+        let range = block.range();
+        let mut tool_rows = [[0.0; 6]; 3];
+        let count = range.len().min(tool_rows.len());
+        for (to, from) in tool_rows.iter_mut().zip(&rows.tool[range.clone()]) {
+            *to = [from.force.x, from.force.y, from.force.z, from.torque.x, from.torque.y, from.torque.z];
+        }
+        let Some(contact) = state.contacts.contacts.get(block.contact as usize) else { return false };
+        snapshot.push(&SnapshotContact {
+            law: contact_law(world),
+            feature: contact.feature,
+            tool_rows: &tool_rows[..count],
+            delta_free: &rows.delta_free[range.clone()],
+            lambda: lambda.get(range).unwrap_or(&[0.0; 3][..count]),
+        })
+    })
 }

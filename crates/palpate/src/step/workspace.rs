@@ -90,6 +90,8 @@ pub struct StepWorkspace {
     pub(super) geometry: SurfaceGeometry,
     pub(super) detection: DetectionWorkspace,
     pub(super) rows: ContactRows,
+    /// Rows of contacts on fixed skin, which only the tick can give a force: there the tool yields.
+    pub(super) fixed_rows: ContactRows,
     pub(super) compliance: ComplianceWorkspace<ReachWorkspace>,
     pub(super) problem: ConstraintProblem,
     pub(super) lambda: Vec<f64>,
@@ -133,6 +135,7 @@ impl StepWorkspace {
             geometry: world.geometry().clone(),
             detection: DetectionWorkspace::new(world.geometry()),
             rows: ContactRows::with_capacity(contacts),
+            fixed_rows: ContactRows::with_capacity(contacts),
             compliance: ComplianceWorkspace::new(rows, ReachWorkspace::new(symbolic, rows)),
             problem: ConstraintProblem::with_capacity(rows),
             lambda: vec![0.0; rows],

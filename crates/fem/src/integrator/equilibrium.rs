@@ -1,0 +1,271 @@
+//! Static equilibrium: `f_int(q) + s (f_ext + M g) = 0` at the free nodes, with fixed nodes moved to where they are told.
+//!
+//! Loads and prescribed displacements grow together from where they are to their full size. The first attempt takes
+//! them in one step; where Newton's method does not converge, the step is undone and halved, and doubled again after
+//! each success. Where fixed nodes move, each step begins with the tangent's answer to their motion: moving them alone
+//! would crush the elements beside them.
+
+#![allow(non_snake_case)]
+
+use nalgebra::Vector3;
+use thiserror::Error;
+
+use super::{
+    newton::{ImplicitWorkspace, NewtonConfig, NewtonReport, NewtonStatus, factor_definite, minimise},
+    nodal,
+    potential::Potential,
+};
+use crate::{
+    assembly::{advance_memory, internal_forces},
+    model::{FemModel, FemState},
+    sparse::FIXED,
+};
+
+/// Share of a prescribed motion by which the tangent's answer is probed: far above rounding, far below any strain.
+const PROBE: f64 = 1e-6;
+
+/// A fixed node and the place to which it is moved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prescribed {
+    /// Mesh node; one of the model's fixed nodes.
+    pub node: u32,
+    /// Where it goes (m).
+    pub position: Vector3<f64>,
+}
+
+/// What a body is in equilibrium with.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Loads<'a> {
+    /// One force per mesh node (N), or empty; constant in direction. Gravity is the model's.
+    pub f_ext: &'a [Vector3<f64>],
+    /// Fixed nodes that move; those not named stay where the state holds them.
+    pub prescribed: &'a [Prescribed],
+    /// Share of forces and gravity that the state already carries: 0 for a body at rest, 1 to go on from an equilibrium
+    /// under the same loads.
+    pub carried: f64,
+}
+
+/// How equilibrium is sought.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EquilibriumConfig {
+    /// Newton's method at each load.
+    pub newton: NewtonConfig,
+    /// First load step, in (0, 1]: the share of the path.
+    pub first_step: f64,
+    /// Load step below which the path ends, positive.
+    pub smallest_step: f64,
+}
+
+impl Default for EquilibriumConfig {
+    /// The whole load at once; down to a thousandth of it.
+    fn default() -> Self {
+        Self {
+            newton: NewtonConfig { iterations: 30, ..NewtonConfig::default() },
+            first_step: 1.0,
+            smallest_step: 1e-3,
+        }
+    }
+}
+
+/// Loads that no body can be in equilibrium with.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum EquilibriumError {
+    /// A node is moved that the model leaves free.
+    #[error("node {node} is moved to a place, but it is free: fix it in the body's description")]
+    FreeNode {
+        /// The node.
+        node: u32,
+    },
+    /// A node does not exist.
+    #[error("node {node} is moved to a place, but the mesh has {nodes} nodes (counted from 0)")]
+    NoNode {
+        /// The node.
+        node: u32,
+        /// Nodes of the mesh.
+        nodes: usize,
+    },
+    /// A place is not finite.
+    #[error("node {node} is moved to a place that is not finite")]
+    Place {
+        /// The node.
+        node: u32,
+    },
+    /// Nothing holds the body.
+    #[error("no node is fixed: a body that nothing holds has no equilibrium; fix some nodes")]
+    Unsupported,
+    /// The forces do not belong to this mesh.
+    #[error("{forces} forces for {nodes} nodes: give one per mesh node, or none")]
+    ForceCount {
+        /// Forces given.
+        forces: usize,
+        /// Nodes of the mesh.
+        nodes: usize,
+    },
+}
+
+/// How far the loads came.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EquilibriumReport {
+    /// Newton's method at the last load that was tried.
+    pub newton: NewtonReport,
+    /// Share of the path that was reached: 1 where the equilibrium was found. The state is in equilibrium with it.
+    pub reached: f64,
+    /// Load steps that converged.
+    pub load_steps: u32,
+    /// Load steps that were undone and halved.
+    pub halvings: u32,
+    /// Linear solves of all load steps.
+    pub iterations: u32,
+    /// Line-search cuts of all load steps.
+    pub cuts: u32,
+    /// Iterations that needed the filtered tangent, of all load steps.
+    pub filtered: u32,
+    /// Iterations that needed a raised diagonal, of all load steps.
+    pub raised: u32,
+    /// Sum of the forces that hold the fixed nodes (N); minus the weight and the forces where the body is in equilibrium.
+    pub reaction: Vector3<f64>,
+}
+
+impl EquilibriumReport {
+    /// True where the whole load is carried.
+    pub fn is_converged(&self) -> bool {
+        self.reached >= 1.0
+    }
+}
+
+/// Moves `state` into equilibrium and takes its velocity away. Allocates nothing.
+///
+/// Trouble is in the report: the state is then the last equilibrium that was found on the way.
+///
+/// # Errors
+/// Loads that do not suit the model; the state is untouched.
+pub fn equilibrium(
+    model: &FemModel,
+    loads: &Loads<'_>,
+    config: &EquilibriumConfig,
+    state: &mut FemState,
+    ws: &mut ImplicitWorkspace,
+) -> Result<EquilibriumReport, EquilibriumError> {
+    check(model, loads)?;
+    let mut report = EquilibriumReport {
+        newton: NewtonReport::begin(),
+        reached: 0.0,
+        load_steps: 0,
+        halvings: 0,
+        iterations: 0,
+        cuts: 0,
+        filtered: 0,
+        raised: 0,
+        reaction: Vector3::zeros(),
+    };
+    state.v.fill(Vector3::zeros());
+    ws.start.copy_from_slice(&state.q);
+    let load_at = |s: f64| loads.carried + s * (1.0 - loads.carried);
+    let mut step = config.first_step.clamp(f64::MIN_POSITIVE, 1.0);
+    while report.reached < 1.0 {
+        let target = if report.reached + step > 1.0 - 1e-12 { 1.0 } else { report.reached + step };
+        ws.predicted.copy_from_slice(&state.q);
+        let potential = Potential { model, f_ext: loads.f_ext, load: load_at(target), dt: None };
+        let mut newton = NewtonReport::begin();
+        if predict(&potential, loads, target, target - report.reached, state, ws, &mut newton).is_ok() {
+            let (filtered, raised) = (newton.filtered, newton.raised);
+            newton = minimise(&potential, &config.newton, state, ws);
+            (newton.filtered, newton.raised) = (newton.filtered + filtered, newton.raised + raised);
+        } else {
+            newton.status = NewtonStatus::Singular;
+        }
+        report.newton = newton;
+        report.iterations += newton.iterations;
+        report.cuts += newton.cuts;
+        report.filtered += newton.filtered;
+        report.raised += newton.raised;
+        if newton.is_converged() {
+            report.reached = target;
+            report.load_steps += 1;
+            step *= 2.0;
+            continue;
+        }
+        state.q.copy_from_slice(&ws.predicted);
+        report.halvings += 1;
+        step = 0.5 * (target - report.reached);
+        if step < config.smallest_step {
+            break;
+        }
+    }
+    let potential = Potential { model, f_ext: loads.f_ext, load: load_at(report.reached), dt: None };
+    potential.residual_at(state, ws);
+    advance_memory(model, state, f64::INFINITY);
+    let fixed = (0..model.nodes()).filter(|&i| model.free_of_node()[i] == FIXED);
+    report.reaction = fixed.map(|node| reaction(&potential, node, ws)).sum();
+    Ok(report)
+}
+
+/// Force that holds a fixed node (N): minus what the tissue and the loads exert on it, from the forces of the last
+/// evaluation in `ws`. Zero for free nodes of a body in equilibrium, up to the residual.
+pub fn reaction(potential: &Potential<'_>, node: usize, ws: &ImplicitWorkspace) -> Vector3<f64> {
+    -ws.fem.f_int[node] - potential.external(node) * potential.load
+}
+
+/// Moves fixed nodes to the share `target` of their paths, and the free ones as the tangent answers to this motion of
+/// share `step` and to the loads.
+fn predict(
+    potential: &Potential<'_>,
+    loads: &Loads<'_>,
+    target: f64,
+    step: f64,
+    state: &mut FemState,
+    ws: &mut ImplicitWorkspace,
+    report: &mut NewtonReport,
+) -> Result<(), NewtonStatus> {
+    if loads.prescribed.is_empty() {
+        return Ok(());
+    }
+    let model = potential.model;
+    potential.matrix(state, false, ws);
+    factor_definite(potential, state, ws, report)?;
+    potential.residual(state, ws);
+    ws.direction.copy_from_slice(&ws.residual);
+    // f_int(q, u + ε Δu) - f_int(q, u), over ε.
+    for p in loads.prescribed {
+        let node = p.node as usize;
+        state.q[node] += (p.position - ws.start[node]) * (PROBE * step);
+    }
+    for (k, &node) in model.node_of_free().iter().enumerate() {
+        ws.moved[3 * k..3 * k + 3].copy_from_slice(ws.fem.f_int[node as usize].as_slice());
+    }
+    internal_forces(model, state, &mut ws.fem);
+    for (k, &node) in model.node_of_free().iter().enumerate() {
+        let change = (ws.fem.f_int[node as usize] - nodal(&ws.moved, k)) / PROBE;
+        (0..3).for_each(|c| ws.direction[3 * k + c] += change[c]);
+    }
+    for p in loads.prescribed {
+        let node = p.node as usize;
+        state.q[node] = ws.start[node] + (p.position - ws.start[node]) * target;
+    }
+    if !ws.factor.solve(&mut ws.direction, &mut ws.solve).is_ok() || !ws.direction.iter().all(|d| d.is_finite()) {
+        return Err(NewtonStatus::Singular);
+    }
+    for (k, &node) in model.node_of_free().iter().enumerate() {
+        state.q[node as usize] += nodal(&ws.direction, k);
+    }
+    Ok(())
+}
+
+fn check(model: &FemModel, loads: &Loads<'_>) -> Result<(), EquilibriumError> {
+    let nodes = model.nodes();
+    if model.free_nodes() == nodes {
+        return Err(EquilibriumError::Unsupported);
+    }
+    if !loads.f_ext.is_empty() && loads.f_ext.len() != nodes {
+        return Err(EquilibriumError::ForceCount { forces: loads.f_ext.len(), nodes });
+    }
+    for &Prescribed { node, position } in loads.prescribed {
+        match model.free_of_node().get(node as usize) {
+            None => return Err(EquilibriumError::NoNode { node, nodes }),
+            Some(&free) if free != FIXED => return Err(EquilibriumError::FreeNode { node }),
+            Some(_) if !position.iter().all(|x| x.is_finite()) => return Err(EquilibriumError::Place { node }),
+            Some(_) => {}
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,216 @@
+//! Explicit central differences with lumped mass (leapfrog), and the step they bear.
+//!
+//! ```text
+//! (v⁺ - v⁻)/h + α (v⁺ + v⁻)/2 = M⁻¹ (f_ext + f_int(q) + β (f_int(q) - f_int(q - h v⁻))/h) + g,   q⁺ = q + h v⁺
+//! ```
+//! `v⁻` and `v⁺` belong to the half steps before and after `q`: the state holds `q` and the velocity half a step earlier
+//! ([`stagger`] and [`synchronise`] convert). Of second order without stiffness damping; energy oscillates but does not
+//! drift below the critical step; a free mode is a little too fast, `sin(ω' h/2) = ω h/2`.
+//!
+//! Stiffness damping is lagged: the rate of the elastic force over the last step stands for `-K v`, which costs a second
+//! evaluation of forces but no tangent, and lowers the order to one. Mass damping is centred and costs nothing.
+//!
+//! Stable below `h = 2/ω (√(1 + ξ²) - ξ)`, `ξ = β ω/2`, for the largest `ω² = λ_max(M⁻¹ K)` [Belytschko, Liu, Moran
+//! 2000]; see [`super::critical_step`]. Mass damping does not change it.
+
+use nalgebra::Vector3;
+use thiserror::Error;
+
+use super::{critical_step::CriticalStep, nodal};
+use crate::{
+    assembly::{FemWorkspace, advance_memory, internal_forces},
+    model::{FemModel, FemState},
+};
+
+/// Scratch of explicit steps.
+#[derive(Clone, Debug)]
+pub struct ExplicitWorkspace {
+    /// Internal forces at the last configuration; its matrix is not used.
+    pub fem: FemWorkspace,
+    /// Forces a step earlier (N), where there is stiffness damping.
+    earlier: Vec<Vector3<f64>>,
+    /// The configuration a step earlier.
+    before: FemState,
+    /// Velocities of the free nodes after the step.
+    velocity: Vec<f64>,
+}
+
+impl ExplicitWorkspace {
+    /// Memory for a body.
+    pub fn new(model: &FemModel) -> Self {
+        let damped = model.rayleigh_stiffness() > 0.0;
+        Self {
+            fem: FemWorkspace::new(model),
+            earlier: if damped { vec![Vector3::zeros(); model.nodes()] } else { Vec::new() },
+            before: if damped { model.rest_state() } else { FemState::default() },
+            velocity: vec![0.0; 3 * model.free_nodes()],
+        }
+    }
+
+    /// Velocities (m/s) that the last [`explicit_velocity`] found, `3 n` values over the free nodes.
+    pub fn velocity(&self) -> &[f64] {
+        &self.velocity
+    }
+}
+
+/// What an explicit step did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExplicitReport {
+    /// First node whose motion is not finite; the state is then what it was.
+    pub non_finite: Option<u32>,
+    /// Largest speed of a node whose speed is a number (m/s).
+    pub fastest: f64,
+}
+
+/// Why a body cannot be integrated explicitly.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum ExplicitError {
+    /// The step is above the critical one.
+    #[error(
+        "an explicit step of {dt:.4e} s is above the critical one of {critical:.4e} s (largest frequency {omega:.4e} rad/s): \
+         use at least {substeps} substeps, or an implicit integrator"
+    )]
+    Unstable {
+        /// The step (s).
+        dt: f64,
+        /// The critical step (s).
+        critical: f64,
+        /// Upper bound of the largest frequency (rad/s).
+        omega: f64,
+        /// Substeps into which the step must be cut.
+        substeps: u32,
+    },
+    /// A free node without mass.
+    #[error(
+        "node {node} has no mass: explicit integration divides by it; give a density, or use an implicit integrator"
+    )]
+    Massless {
+        /// The mesh node.
+        node: u32,
+    },
+}
+
+/// Checks that every free node has mass.
+///
+/// # Errors
+/// [`ExplicitError::Massless`] with the first node that has none.
+pub fn check_mass(model: &FemModel) -> Result<(), ExplicitError> {
+    let massless = |&&node: &&u32| model.mass()[node as usize] <= 0.0;
+    model.node_of_free().iter().find(massless).map_or(Ok(()), |&node| Err(ExplicitError::Massless { node }))
+}
+
+/// Refuses a step `dt` (s) above the critical one.
+///
+/// # Errors
+/// [`ExplicitError::Unstable`] with the substeps that are needed.
+pub fn check_step(dt: f64, critical: &CriticalStep) -> Result<(), ExplicitError> {
+    if dt <= critical.step {
+        return Ok(());
+    }
+    let substeps = critical.substeps(dt, 1.0);
+    Err(ExplicitError::Unstable { dt, critical: critical.step, omega: critical.upper, substeps })
+}
+
+/// One step `dt` (s) of central differences. `f_ext` is one force per mesh node (N), or empty. Allocates nothing.
+pub fn explicit_step(
+    model: &FemModel,
+    dt: f64,
+    f_ext: &[Vector3<f64>],
+    state: &mut FemState,
+    ws: &mut ExplicitWorkspace,
+) -> ExplicitReport {
+    let report = explicit_velocity(model, dt, f_ext, state, ws);
+    if report.non_finite.is_none() {
+        // The forces were those of a step that ended here.
+        advance_memory(model, state, dt);
+        for (k, &node) in model.node_of_free().iter().enumerate() {
+            let i = node as usize;
+            state.v[i] = nodal(&ws.velocity, k);
+            state.q[i] += state.v[i] * dt;
+        }
+    }
+    report
+}
+
+/// The velocity `v⁺` of the free nodes after a step `dt` (s), into [`ExplicitWorkspace::velocity`]; the state stays.
+/// For steps that correct it by contact before they move; of viscous tissue they take the memory along first
+/// ([`advance_memory`]).
+pub fn explicit_velocity(
+    model: &FemModel,
+    dt: f64,
+    f_ext: &[Vector3<f64>],
+    state: &FemState,
+    ws: &mut ExplicitWorkspace,
+) -> ExplicitReport {
+    forces(model, dt, state, ws);
+    let half = 0.5 * dt * model.rayleigh_mass();
+    let mut report = ExplicitReport { non_finite: None, fastest: 0.0 };
+    for (k, &node) in model.node_of_free().iter().enumerate() {
+        let i = node as usize;
+        let v = (state.v[i] * (1.0 - half) + acceleration(model, i, f_ext, ws) * dt) / (1.0 + half);
+        if report.non_finite.is_none() && !(v * dt).iter().all(|x| x.is_finite()) {
+            report.non_finite = Some(node);
+        }
+        report.fastest = report.fastest.max(v.norm());
+        ws.velocity[3 * k..3 * k + 3].copy_from_slice(v.as_slice());
+    }
+    report
+}
+
+/// Takes the velocity of `state` from the time of `q` to half a step `dt` (s) before it.
+pub fn stagger(model: &FemModel, dt: f64, f_ext: &[Vector3<f64>], state: &mut FemState, ws: &mut ExplicitWorkspace) {
+    shift(model, dt, -1.0, f_ext, state, ws);
+}
+
+/// Takes the velocity of `state` from half a step `dt` (s) before `q` to the time of `q`.
+pub fn synchronise(
+    model: &FemModel,
+    dt: f64,
+    f_ext: &[Vector3<f64>],
+    state: &mut FemState,
+    ws: &mut ExplicitWorkspace,
+) {
+    shift(model, dt, 1.0, f_ext, state, ws);
+}
+
+/// Half a step forth (`sign` 1) or back (-1) in velocity alone; each undoes the other without stiffness damping.
+fn shift(
+    model: &FemModel,
+    dt: f64,
+    sign: f64,
+    f_ext: &[Vector3<f64>],
+    state: &mut FemState,
+    ws: &mut ExplicitWorkspace,
+) {
+    forces(model, dt, state, ws);
+    let half = 0.5 * dt * model.rayleigh_mass();
+    for &node in model.node_of_free() {
+        let i = node as usize;
+        let kick = acceleration(model, i, f_ext, ws) * (0.5 * dt);
+        state.v[i] = if sign > 0.0 { (state.v[i] + kick) / (1.0 + half) } else { state.v[i] * (1.0 + half) - kick };
+    }
+}
+
+/// Internal forces at the state and, where there is stiffness damping, a step earlier.
+fn forces(model: &FemModel, dt: f64, state: &FemState, ws: &mut ExplicitWorkspace) {
+    ws.fem.dt = dt;
+    if model.rayleigh_stiffness() > 0.0 {
+        ws.before.q.copy_from_slice(&state.q);
+        ws.before.memory.copy_from_slice(&state.memory);
+        for &node in model.node_of_free() {
+            ws.before.q[node as usize] -= state.v[node as usize] * dt;
+        }
+        internal_forces(model, &ws.before, &mut ws.fem);
+        ws.earlier.copy_from_slice(&ws.fem.f_int);
+    }
+    internal_forces(model, state, &mut ws.fem);
+    if model.rayleigh_stiffness() > 0.0 {
+        let rate = model.rayleigh_stiffness() / dt;
+        ws.fem.f_int.iter_mut().zip(&ws.earlier).for_each(|(f, earlier)| *f += (*f - earlier) * rate);
+    }
+}
+
+/// Acceleration of a node (m/s²) without mass damping.
+fn acceleration(model: &FemModel, node: usize, f_ext: &[Vector3<f64>], ws: &ExplicitWorkspace) -> Vector3<f64> {
+    (f_ext.get(node).copied().unwrap_or_default() + ws.fem.f_int[node]) / model.mass()[node] + model.gravity()
+}

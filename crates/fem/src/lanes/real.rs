@@ -1,0 +1,220 @@
+//! The number that laws and kernels compute with: `f64`, or one `f64` per lane.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use pulp::Simd;
+
+/// A real number, or one in each lane. Comparisons with NaN are false.
+pub trait Real:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Add<f64, Output = Self>
+    + Sub<f64, Output = Self>
+    + Mul<f64, Output = Self>
+{
+    /// Answer of a comparison in each lane.
+    type Mask: Copy;
+
+    /// `value` in every lane of a number like `self`.
+    fn constant(self, value: f64) -> Self;
+
+    /// Square root.
+    fn sqrt(self) -> Self;
+
+    /// Absolute value.
+    fn abs(self) -> Self;
+
+    /// `f` of each lane.
+    fn map(self, f: impl Fn(f64) -> f64) -> Self;
+
+    /// Whether `self > other`.
+    fn above(self, other: Self) -> Self::Mask;
+
+    /// `self` where `mask` holds, elsewhere `other`.
+    fn or_where_not(self, mask: Self::Mask, other: Self) -> Self;
+
+    /// Whether `mask` holds in any lane.
+    fn any(self, mask: Self::Mask) -> bool;
+
+    /// `1 / self`.
+    #[inline(always)]
+    fn recip(self) -> Self {
+        self.constant(1.0) / self
+    }
+
+    /// The larger of two numbers; `other` where either is NaN.
+    #[inline(always)]
+    fn larger(self, other: Self) -> Self {
+        self.or_where_not(self.above(other), other)
+    }
+
+    /// Natural logarithm.
+    #[inline(always)]
+    fn ln(self) -> Self {
+        self.map(f64::ln)
+    }
+
+    /// Exponential function.
+    #[inline(always)]
+    fn exp(self) -> Self {
+        self.map(f64::exp)
+    }
+
+    /// Power with a constant exponent.
+    #[inline(always)]
+    fn powf(self, exponent: f64) -> Self {
+        self.map(|x| x.powf(exponent))
+    }
+}
+
+impl Real for f64 {
+    type Mask = bool;
+
+    #[inline(always)]
+    fn constant(self, value: f64) -> Self {
+        value
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        f64::abs(self)
+    }
+
+    #[inline(always)]
+    fn map(self, f: impl Fn(f64) -> f64) -> Self {
+        f(self)
+    }
+
+    #[inline(always)]
+    fn above(self, other: Self) -> bool {
+        self > other
+    }
+
+    #[inline(always)]
+    fn or_where_not(self, mask: bool, other: Self) -> Self {
+        if mask { self } else { other }
+    }
+
+    #[inline(always)]
+    fn any(self, mask: bool) -> bool {
+        mask
+    }
+}
+
+/// One number for each lane of the instruction set `S`.
+#[derive(Clone, Copy, Debug)]
+pub struct Lanes<S: Simd> {
+    simd: S,
+    value: S::f64s,
+}
+
+impl<S: Simd> Lanes<S> {
+    /// Number of lanes; a power of two of at most eight.
+    pub const COUNT: usize = S::F64_LANES;
+
+    /// The lanes from `COUNT part` on of a row of eight elements.
+    ///
+    /// # Panics
+    /// Where `part >= 8 / COUNT`.
+    #[inline(always)]
+    pub fn load(simd: S, row: &[f64; 8], part: usize) -> Self {
+        Self { simd, value: S::as_simd_f64s(row).0[part] }
+    }
+
+    /// Writes the lanes to their place in a row of eight elements; the inverse of [`Lanes::load`].
+    ///
+    /// # Panics
+    /// Where `part >= 8 / COUNT`.
+    #[inline(always)]
+    pub fn store(self, row: &mut [f64; 8], part: usize) {
+        S::as_mut_simd_f64s(row).0[part] = self.value;
+    }
+}
+
+/// Implements an operator between two vectors of lanes, and between one and a constant.
+macro_rules! operator {
+    ($Trait:ident, $method:ident, $simd:ident) => {
+        impl<S: Simd> $Trait for Lanes<S> {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self { value: self.simd.$simd(self.value, other.value), ..self }
+            }
+        }
+
+        impl<S: Simd> $Trait<f64> for Lanes<S> {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $method(self, other: f64) -> Self {
+                self.$method(self.constant(other))
+            }
+        }
+    };
+}
+
+operator!(Add, add, add_f64s);
+operator!(Sub, sub, sub_f64s);
+operator!(Mul, mul, mul_f64s);
+operator!(Div, div, div_f64s);
+
+impl<S: Simd> Neg for Lanes<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self { value: self.simd.neg_f64s(self.value), ..self }
+    }
+}
+
+impl<S: Simd> Real for Lanes<S> {
+    type Mask = S::m64s;
+
+    #[inline(always)]
+    fn constant(self, value: f64) -> Self {
+        Self { value: self.simd.splat_f64s(value), ..self }
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self { value: self.simd.sqrt_f64s(self.value), ..self }
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self { value: self.simd.abs_f64s(self.value), ..self }
+    }
+
+    #[inline(always)]
+    fn map(mut self, f: impl Fn(f64) -> f64) -> Self {
+        for x in pulp::bytemuck::cast_slice_mut::<_, f64>(std::slice::from_mut(&mut self.value)) {
+            *x = f(*x);
+        }
+        self
+    }
+
+    #[inline(always)]
+    fn above(self, other: Self) -> S::m64s {
+        self.simd.greater_than_f64s(self.value, other.value)
+    }
+
+    #[inline(always)]
+    fn or_where_not(self, mask: S::m64s, other: Self) -> Self {
+        Self { value: self.simd.select_f64s(mask, self.value, other.value), ..self }
+    }
+
+    #[inline(always)]
+    fn any(self, mask: S::m64s) -> bool {
+        self.simd.first_true_m64s(mask) < S::F64_LANES
+    }
+}

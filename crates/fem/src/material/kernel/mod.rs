@@ -1,0 +1,154 @@
+//! Forces and tangent of packs of eight elements, as many per pass as the processor's vectors hold.
+//!
+//! Without filter a hyperelastic law takes the six pieces of its tangent from edges alone (`six_pieces`); with filter,
+//! and for laws of the singular values, the principal frame (`decompose`, `principal`). Results go to [`PackMatrices`],
+//! node 0 included.
+
+#![allow(non_snake_case)]
+
+pub mod principal;
+mod six_pieces;
+
+use nalgebra::Vector3;
+use pulp::{Arch, Simd, WithSimd};
+
+pub(crate) use self::{
+    principal::{PrincipalLaw, principal_batch},
+    six_pieces::six_pieces_batch,
+};
+use crate::{
+    lanes::{Lanes, Mat3, Real, Vec3},
+    material::BatchReport,
+    pack::{PACK, Pack, PackMatrices, Row},
+};
+
+/// Calls `kernel` for each pack with its deformed edges and notes what it met.
+fn for_packs(
+    packs: &[Pack],
+    q: &[Vector3<f64>],
+    out: &mut [PackMatrices],
+    mut kernel: impl FnMut(&Pack, &[[Row; 3]; 3], &mut PackMatrices),
+) -> BatchReport {
+    let mut report = BatchReport::default();
+    let mut first = 0;
+    for (pack, out) in packs.iter().zip(out) {
+        kernel(pack, &pack.edges(q), out);
+        for lane in 0..pack.len {
+            report.note(
+                first + lane as u32,
+                out.jacobian[lane],
+                out.filtered[lane] > 0.0,
+                out.checksum[lane].is_finite(),
+            );
+        }
+        first += pack.len as u32;
+    }
+    report
+}
+
+/// Parts into which `S` cuts the elements of a pack.
+#[inline(always)]
+fn parts<S: Simd>(pack: &Pack) -> usize {
+    pack.len.min(PACK).div_ceil(S::F64_LANES)
+}
+
+#[inline(always)]
+fn load3<S: Simd>(simd: S, rows: &[Row; 3], part: usize) -> Vec3<Lanes<S>> {
+    [Lanes::load(simd, &rows[0], part), Lanes::load(simd, &rows[1], part), Lanes::load(simd, &rows[2], part)]
+}
+
+#[inline(always)]
+fn load33<S: Simd>(simd: S, rows: &[[Row; 3]; 3], part: usize) -> Mat3<Lanes<S>> {
+    [load3(simd, &rows[0], part), load3(simd, &rows[1], part), load3(simd, &rows[2], part)]
+}
+
+#[inline(always)]
+fn load6<S: Simd>(simd: S, rows: &[Row; 6], part: usize) -> [Lanes<S>; 6] {
+    [
+        Lanes::load(simd, &rows[0], part),
+        Lanes::load(simd, &rows[1], part),
+        Lanes::load(simd, &rows[2], part),
+        Lanes::load(simd, &rows[3], part),
+        Lanes::load(simd, &rows[4], part),
+        Lanes::load(simd, &rows[5], part),
+    ]
+}
+
+#[inline(always)]
+fn store3<S: Simd>(values: &Vec3<Lanes<S>>, rows: &mut [Row; 3], part: usize) {
+    for c in 0..3 {
+        values[c].store(&mut rows[c], part);
+    }
+}
+
+#[inline(always)]
+fn store33<S: Simd>(values: &Mat3<Lanes<S>>, rows: &mut [[Row; 3]; 3], part: usize) {
+    for c in 0..3 {
+        store3(&values[c], &mut rows[c], part);
+    }
+}
+
+/// Place of entry `(r, c)` in a stored triangle.
+const TRIANGLE: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
+
+/// Forces and blocks of the nodes 1, 2, 3.
+struct Free<T> {
+    /// Forces (N).
+    forces: Mat3<T>,
+    /// Triangles of `K_11, K_22, K_33` (N/m).
+    diagonal: [[T; 6]; 3],
+    /// `K_12, K_13, K_23` by columns (N/m).
+    off_diagonal: [Mat3<T>; 3],
+    /// Volume ratio.
+    jacobian: T,
+}
+
+impl<S: Simd> Free<Lanes<S>> {
+    /// Adds node 0, minus the sum over the others, and writes everything.
+    #[inline(always)]
+    fn store(&self, out: &mut PackMatrices, part: usize) {
+        let [f1, f2, f3] = &self.forces;
+        let mut checksum = f1[0].constant(0.0);
+        for c in 0..3 {
+            let others = f1[c] + f2[c] + f3[c];
+            checksum = checksum + others;
+            (-others).store(&mut out.forces[0][c], part);
+            f1[c].store(&mut out.forces[1][c], part);
+            f2[c].store(&mut out.forces[2][c], part);
+            f3[c].store(&mut out.forces[3][c], part);
+        }
+        let [k11, k22, k33] = &self.diagonal;
+        let [k12, k13, k23] = &self.off_diagonal;
+        for c in 0..3 {
+            for r in 0..3 {
+                let s = TRIANGLE[r][c];
+                let k01 = -(k11[s] + k12[r][c] + k13[r][c]);
+                let k02 = -(k12[c][r] + k22[s] + k23[r][c]);
+                let k03 = -(k13[c][r] + k23[c][r] + k33[s]);
+                k01.store(&mut out.off_diagonal[0][3 * c + r], part);
+                k02.store(&mut out.off_diagonal[1][3 * c + r], part);
+                k03.store(&mut out.off_diagonal[2][3 * c + r], part);
+                k12[c][r].store(&mut out.off_diagonal[3][3 * c + r], part);
+                k13[c][r].store(&mut out.off_diagonal[4][3 * c + r], part);
+                k23[c][r].store(&mut out.off_diagonal[5][3 * c + r], part);
+                if r >= c {
+                    (-(k01 + k02 + k03)).store(&mut out.diagonal[0][s], part);
+                    k11[s].store(&mut out.diagonal[1][s], part);
+                    k22[s].store(&mut out.diagonal[2][s], part);
+                    k33[s].store(&mut out.diagonal[3][s], part);
+                }
+            }
+        }
+        for k in [k11, k22, k33] {
+            checksum = checksum + k[0] + k[3] + k[5];
+        }
+        checksum.store(&mut out.checksum, part);
+        self.jacobian.store(&mut out.jacobian, part);
+    }
+}
+
+/// Runs `op` with the widest vectors of this machine.
+#[inline]
+fn dispatch<Op: WithSimd>(arch: Arch, op: Op) -> Op::Output {
+    arch.dispatch(op)
+}

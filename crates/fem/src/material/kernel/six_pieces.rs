@@ -1,0 +1,184 @@
+//! The exact tangent of a hyperelastic law in its six pieces (see [`hyperelastic`](crate::material::hyperelastic)).
+//!
+//! Written in the deformed edges `e_k` alone: with the Gram matrix `D_i · D_j` of the rest shape
+//! ```text
+//! F D_i = Σ_k e_k (D_k · D_i)      F Fᵀ = Σ_k e_k (F D_k)ᵀ      dJ_1 = e_2 x e_3 / det E, cyclic      J = e_1 · dJ_1
+//! D_i·S D_j = a (D_i·D_j) + c (F D_i)·(F D_j)      F S D_i = a F D_i + c (F Fᵀ) F D_i      for S = a I + c C
+//! ```
+//! so that neither `F` nor the shape vectors are formed.
+
+#![allow(non_snake_case)]
+
+use nalgebra::Vector3;
+use pulp::{Arch, Simd, WithSimd};
+
+use super::{Free, TRIANGLE, dispatch, for_packs, load6, load33, parts};
+use crate::{
+    lanes::{Lanes, Mat3, Real, Vec3, cross, dot, scaled, sum},
+    material::{
+        BatchReport,
+        hyperelastic::{Hyperelastic, Isotropic, Response},
+    },
+    pack::{Pack, PackMatrices, Row},
+};
+
+/// Forces and exact tangents of packs of one law.
+pub(crate) fn six_pieces_batch<L: Hyperelastic>(
+    law: &L,
+    packs: &[Pack],
+    q: &[Vector3<f64>],
+    out: &mut [PackMatrices],
+) -> BatchReport {
+    let arch = Arch::new();
+    for_packs(packs, q, out, |pack, edges, out| dispatch(arch, SixPieces { law, pack, edges, out }))
+}
+
+struct SixPieces<'a, L> {
+    law: &'a L,
+    pack: &'a Pack,
+    edges: &'a [[Row; 3]; 3],
+    out: &'a mut PackMatrices,
+}
+
+impl<L: Hyperelastic> WithSimd for SixPieces<'_, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { law, pack, edges, out } = self;
+        for part in 0..parts::<S>(pack) {
+            let e = load33(simd, edges, part);
+            let gram = load6(simd, &pack.gram, part);
+            let inverse_det = Lanes::load(simd, &pack.inverse_det, part);
+            let free = six_pieces(law, &e, &gram, inverse_det, Lanes::load(simd, &pack.volume, part));
+            free.store(out, part);
+        }
+        out.filtered = [0.0; 8];
+    }
+}
+
+#[inline(always)]
+fn six_pieces<T: Real, L: Hyperelastic>(law: &L, e: &Mat3<T>, gram: &[T; 6], inverse_det: T, V0: T) -> Free<T> {
+    let dJ = [
+        scaled(&cross(&e[1], &e[2]), inverse_det),
+        scaled(&cross(&e[2], &e[0]), inverse_det),
+        scaled(&cross(&e[0], &e[1]), inverse_det),
+    ];
+    let J = dot(&e[0], &dJ[0]);
+    let mut FD = *e;
+    for i in 0..3 {
+        for c in 0..3 {
+            FD[i][c] = e[0][c] * gram[TRIANGLE[0][i]] + e[1][c] * gram[TRIANGLE[1][i]] + e[2][c] * gram[TRIANGLE[2][i]];
+        }
+    }
+    // Triangle of F Fᵀ.
+    let mut FF = *gram;
+    for c in 0..3 {
+        for r in c..3 {
+            FF[TRIANGLE[r][c]] = e[0][r] * FD[0][c] + e[1][r] * FD[1][c] + e[2][r] * FD[2][c];
+        }
+    }
+    let I1 = FF[0] + FF[3] + FF[5];
+    // Sum of the principal minors of F Fᵀ.
+    let I2 = (FF[0] * FF[3] - FF[1] * FF[1]) + (FF[0] * FF[5] - FF[2] * FF[2]) + (FF[3] * FF[5] - FF[4] * FF[4]);
+    let r = law.response(I1, I2, J);
+
+    let at = Deformed { dJ: &dJ, FD: &FD, FF: &FF, gram, r: &r, V0 };
+    let minus_V0 = -V0;
+    let mut forces = *e;
+    for i in 0..3 {
+        forces[i] = scaled(&sum(&at.stretched::<L>(&r.S, i), &scaled(&dJ[i], r.s1)), minus_V0);
+    }
+    // V0 s1 ∂²J/∂q_i∂q_j: D_1 x D_2 = E_3 / det E and its cyclic permutations.
+    let s = r.s1 * V0 * inverse_det;
+    let off_diagonal = [
+        subtract_skew(at.block::<L>(0, 1), &scaled(&e[2], s)),
+        subtract_skew(at.block::<L>(0, 2), &scaled(&e[1], -s)),
+        subtract_skew(at.block::<L>(1, 2), &scaled(&e[0], s)),
+    ];
+    let diagonal = [at.triangle::<L>(0), at.triangle::<L>(1), at.triangle::<L>(2)];
+    Free { forces, diagonal, off_diagonal, jacobian: J }
+}
+
+/// A deformed element with the response of its law.
+struct Deformed<'a, T> {
+    dJ: &'a Mat3<T>,
+    FD: &'a Mat3<T>,
+    /// Triangle of `F Fᵀ`.
+    FF: &'a [T; 6],
+    gram: &'a [T; 6],
+    r: &'a Response<T>,
+    V0: T,
+}
+
+impl<T: Real> Deformed<'_, T> {
+    /// `F S D_i`.
+    #[inline(always)]
+    fn stretched<L: Hyperelastic>(&self, S: &Isotropic<T>, i: usize) -> Vec3<T> {
+        let (v, FF) = (&self.FD[i], self.FF);
+        let along = scaled(v, S.identity);
+        if !L::CURVED {
+            return along;
+        }
+        let through = [
+            FF[0] * v[0] + FF[1] * v[1] + FF[2] * v[2],
+            FF[1] * v[0] + FF[3] * v[1] + FF[4] * v[2],
+            FF[2] * v[0] + FF[4] * v[1] + FF[5] * v[2],
+        ];
+        sum(&along, &scaled(&through, S.strain))
+    }
+
+    /// Block `K_ij` without its skew part.
+    #[inline(always)]
+    fn block<L: Hyperelastic>(&self, i: usize, j: usize) -> Mat3<T> {
+        let Self { dJ, FD, FF, gram, r, V0 } = *self;
+        // (s2 dJ_i + F S' D_i) dJ_jᵀ + dJ_i (F S' D_j)ᵀ.
+        let mut left = scaled(&dJ[i], r.s2 * V0);
+        let mut mixed = left;
+        if L::MIXED {
+            left = sum(&left, &scaled(&self.stretched::<L>(&r.S_prime, i), V0));
+            mixed = scaled(&self.stretched::<L>(&r.S_prime, j), V0);
+        }
+        let mut geometric = r.S.identity * gram[TRIANGLE[i][j]];
+        if L::CURVED {
+            geometric = geometric + r.S.strain * dot(&FD[i], &FD[j]);
+        }
+        let geometric = geometric * V0;
+        let alpha = scaled(&FD[i], (r.alpha + r.alpha) * V0);
+        let beta = scaled(&FD[j], r.beta * V0);
+        let beta_gram = r.beta * V0 * gram[TRIANGLE[i][j]];
+        let mut block = *dJ;
+        for c in 0..3 {
+            for k in 0..3 {
+                let mut entry = left[k] * dJ[j][c];
+                if L::MIXED {
+                    entry = entry + dJ[i][k] * mixed[c];
+                }
+                if L::CURVED {
+                    entry = entry + alpha[k] * FD[j][c] + beta[k] * FD[i][c] + beta_gram * FF[TRIANGLE[k][c]];
+                }
+                block[c][k] = if k == c { entry + geometric } else { entry };
+            }
+        }
+        block
+    }
+
+    /// Triangle of the block `K_ii`.
+    #[inline(always)]
+    fn triangle<L: Hyperelastic>(&self, i: usize) -> [T; 6] {
+        let b = self.block::<L>(i, i);
+        [b[0][0], b[0][1], b[0][2], b[1][1], b[1][2], b[2][2]]
+    }
+}
+
+/// `block - [w]x`, with `[w]x u = w x u`.
+#[inline(always)]
+fn subtract_skew<T: Real>(mut block: Mat3<T>, w: &[T; 3]) -> Mat3<T> {
+    block[1][0] = block[1][0] + w[2];
+    block[0][1] = block[0][1] - w[2];
+    block[2][0] = block[2][0] - w[1];
+    block[0][2] = block[0][2] + w[1];
+    block[2][1] = block[2][1] + w[0];
+    block[1][2] = block[1][2] - w[0];
+    block
+}
