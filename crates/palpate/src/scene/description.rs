@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use palpate_collision::detection::ContactKind;
 use palpate_collision::shape::ToolShape;
 use palpate_constraints::compliance::ComplianceMethod;
+use palpate_fem::element::ElementKind;
 use palpate_fem::material::Material;
 use palpate_haptics::coupling::CouplingConfig;
 use palpate_haptics::device::VirtualDeviceConfig;
@@ -101,6 +102,10 @@ pub struct BodyDescription {
     /// Factor from the unit of the mesh file to metres.
     #[serde(default = "one")]
     pub scale: f64,
+    /// How the tetrahedra interpolate: `linear`, `quadratic` (mid-nodes are added where the mesh has none) or `averaged`
+    /// (against volumetric locking).
+    #[serde(default)]
+    pub element: ElementKind,
     /// Mass density (kg/m³).
     #[serde(default = "tissue_density")]
     pub density: f64,

@@ -1,5 +1,6 @@
 //! A scene made ready: mesh, body, symbolic factorisation, tool. Nothing in it changes while a run lasts.
 
+mod elements;
 mod fixed;
 mod geometry;
 
@@ -13,10 +14,11 @@ use palpate_collision::detection::{DetectionConfig, DetectionWorkspace, detect};
 use palpate_collision::shape::ToolShape;
 use palpate_fem::factor::SymbolicFactor;
 use palpate_fem::mesh::{MeshQuality, TetMesh};
-use palpate_fem::model::{FemConfig, FemModel};
+use palpate_fem::model::{FemConfig, FemError, FemModel};
 use palpate_fem::surface::Surface;
 
 use crate::scene::{Scene, SceneDescription, SceneError};
+use elements::{locking, with_nodes_for};
 use fixed::fixed_nodes;
 use geometry::{Loaded, load};
 
@@ -107,10 +109,11 @@ impl World {
         let _ = writeln!(text, "scene {}: {}", d.name, d.description);
         let _ = writeln!(
             text,
-            "body {}: {} nodes ({fixed} fixed), {} tetrahedra, {:.1} cm³, {:.3} kg",
+            "body {}: {} nodes ({fixed} fixed), {} tetrahedra ({}), {:.1} cm³, {:.3} kg",
             body.name,
             self.mesh.nodes.len(),
             self.mesh.tetrahedra.len(),
+            body.element.name(),
             q.volume * 1e6,
             self.model.mass().iter().sum::<f64>(),
         );
@@ -177,6 +180,7 @@ pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
 fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<World, SceneError> {
     let description = scene.description();
     let body = &description.bodies[0];
+    let mesh = with_nodes_for(body.element, mesh, &mut warnings);
     let quality = mesh.validate()?;
     warnings.extend(quality.warnings().iter().map(ToString::to_string));
     warnings.dedup();
@@ -189,7 +193,9 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
             return Err(scene.at(&format!("body.0.regions.{name}"), message, format!("its regions are {known}")));
         }
     }
+    warnings.extend(locking(body, &mesh));
     let config = FemConfig {
+        element: body.element,
         material: body.material,
         region_materials: body.regions.clone(),
         density: body.density,
@@ -204,8 +210,10 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     if config.fixed.is_empty() {
         warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
     }
-    let model = FemModel::new(&mesh, &config)
-        .map_err(|e| scene.at("body.0", e.to_string(), "correct the body's materials, density or fixed nodes"))?;
+    let model = FemModel::new(&mesh, &config).map_err(|e| match e {
+        FemError::NoBulk { .. } => scene.at("body.0.element", e.to_string(), "change the element or the law"),
+        _ => scene.at("body.0", e.to_string(), "correct the body's materials, density or fixed nodes"),
+    })?;
     let positions: Vec<_> = model.node_of_free().iter().map(|&n| mesh.nodes[n as usize]).collect();
     let symbolic = SymbolicFactor::new(model.pattern(), &positions)
         .map_err(|e| scene.at("body.0", e.to_string(), "use a smaller mesh"))?;
