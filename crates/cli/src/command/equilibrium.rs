@@ -1,7 +1,6 @@
 //! `palpate equilibrium`.
 
 use miette::{IntoDiagnostic, Report, Result, miette};
-use nalgebra::Vector3;
 use palpate::export::write_state;
 use palpate::fem::integrator::equilibrium::EquilibriumReport;
 use palpate::scene::Scene;
@@ -24,7 +23,8 @@ pub(crate) fn equilibrium(arguments: &EquilibriumArguments) -> Result<u8> {
     let (state, report) = at_rest(&world)
         .map_err(|e| miette!(help = "hold the body with `fixed = [...]`", "{}: {e}", arguments.scene))?;
     let moved = state.q.iter().zip(&world.mesh().nodes).map(|(q, x)| (q - x).norm()).fold(0.0, f64::max);
-    let weight = Vector3::from(world.description().gravity) * world.model().mass().iter().sum::<f64>();
+    let mass = world.model().mass().iter().sum::<f64>();
+    let weight = world.description().gravity.map(|g| g * mass);
     if arguments.json {
         say(serde_json::to_string_pretty(&as_json(&report, moved, &weight)).into_diagnostic()?)?;
     } else {
@@ -39,7 +39,7 @@ pub(crate) fn equilibrium(arguments: &EquilibriumArguments) -> Result<u8> {
     Ok(if report.is_converged() { 0 } else { exit::NO_EQUILIBRIUM })
 }
 
-fn as_text(name: &str, report: &EquilibriumReport, moved: f64, weight: &Vector3<f64>) -> String {
+fn as_text(name: &str, report: &EquilibriumReport, moved: f64, weight: &[f64; 3]) -> String {
     let outcome = if report.is_converged() {
         "in equilibrium".to_string()
     } else {
@@ -49,7 +49,7 @@ fn as_text(name: &str, report: &EquilibriumReport, moved: f64, weight: &Vector3<
             report.newton.status
         )
     };
-    let of = |v: &Vector3<f64>| format!("({:.6}, {:.6}, {:.6}) N", v.x, v.y, v.z);
+    let of = |v: &[f64]| format!("({:.6}, {:.6}, {:.6}) N", v[0], v[1], v[2]);
     format!(
         "{name}: {outcome}\n\
          load steps {}, halved {}; Newton iterations {}, line-search cuts {}, filtered {}, raised {}\n\
@@ -64,13 +64,13 @@ fn as_text(name: &str, report: &EquilibriumReport, moved: f64, weight: &Vector3<
         report.raised,
         report.newton.residual,
         report.newton.relative_residual,
-        of(&report.reaction),
+        of(report.reaction.as_slice()),
         of(weight),
         moved * 1e3
     )
 }
 
-fn as_json(report: &EquilibriumReport, moved: f64, weight: &Vector3<f64>) -> serde_json::Value {
+fn as_json(report: &EquilibriumReport, moved: f64, weight: &[f64; 3]) -> serde_json::Value {
     json!({
         "converged": report.is_converged(),
         "reached": report.reached,
@@ -83,7 +83,7 @@ fn as_json(report: &EquilibriumReport, moved: f64, weight: &Vector3<f64>) -> ser
         "residual": report.newton.residual,
         "relative_residual": report.newton.relative_residual,
         "reaction": report.reaction.as_slice(),
-        "weight": weight.as_slice(),
+        "weight": weight,
         "largest_displacement": moved,
     })
 }
