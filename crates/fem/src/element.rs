@@ -1,4 +1,5 @@
-//! Linear tetrahedra: shape vectors, deformed edges, and what an element adds to forces and stiffness.
+//! Linear tetrahedra: shape vectors, deformed edges, and what an element adds to forces and stiffness. Quadratic ones are
+//! in [`quadratic`].
 //!
 //! With rest edges `E = [X1-X0, X2-X0, X3-X0]` and deformed edges `e`, the shape vectors `D_i = ∇N_i` are the rows of
 //! `E⁻¹` (`D_0 = -D_1-D_2-D_3`), and `F = e E⁻¹ = Σ q_i ⊗ D_i`. Since `Σ D_i = 0`, forces and stiffness of node 0 are
@@ -7,7 +8,12 @@
 
 #![allow(non_snake_case)]
 
+mod kind;
+pub mod quadratic;
+
 use nalgebra::{Matrix3, Vector3};
+
+pub use self::{kind::ElementKind, quadratic::QuadraticTetrahedron};
 
 /// Rest shape of one linear tetrahedron.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,3 +105,39 @@ impl ElementMatrices {
 /// Local nodes of the ten blocks on and above the diagonal, in storage order.
 pub const UPPER: [(usize, usize); 10] =
     [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)];
+
+/// The tetrahedron with rest edges `I` and volume 1/6. What a law answers for it with edges `F` is its
+/// stress and tangent at a point: forces `-P / 6`, and block `(k, l)` is `∂P_.k / ∂F_.l / 6` (Pa).
+///
+/// It belongs to no mesh: its nodes are not meant to be looked up.
+pub const UNIT: Tetrahedron = Tetrahedron {
+    nodes: [0, 1, 2, 3],
+    inverse_rest_edges: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+    volume: 1.0 / 6.0,
+};
+
+/// Forces and blocks of one element, to be summed over the body.
+pub(crate) trait NodalShares {
+    /// Nodes of the element.
+    const NODES: usize;
+
+    /// Force of local node `a` (N).
+    fn force(&self, a: usize) -> Vector3<f64>;
+
+    /// Block number `k` of those on and above the diagonal, by rows (N/m).
+    fn upper(&self, k: usize) -> Matrix3<f64>;
+}
+
+impl NodalShares for ElementMatrices {
+    const NODES: usize = 4;
+
+    #[inline]
+    fn force(&self, a: usize) -> Vector3<f64> {
+        ElementMatrices::force(self, a)
+    }
+
+    #[inline]
+    fn upper(&self, k: usize) -> Matrix3<f64> {
+        ElementMatrices::upper(self, k)
+    }
+}

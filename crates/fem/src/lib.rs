@@ -4,6 +4,7 @@
 //! `K = -d f_int / d q`, `A = M + h C + h² K` (kg), and the unknown of a linear solve is a change of velocity.
 
 pub mod assembly;
+pub mod averaging;
 pub mod block;
 pub mod closed_surface;
 pub mod element;

@@ -7,7 +7,14 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::{model::FemModel, sparse::FIXED};
+use crate::{
+    element::{
+        QuadraticTetrahedron,
+        quadratic::{EDGES, POINTS},
+    },
+    model::FemModel,
+    sparse::FIXED,
+};
 
 /// `F = U diag(sigma) Vᵀ` with rotations `U`, `V` and `sigma[0] >= sigma[1] >= |sigma[2]|`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -188,7 +195,7 @@ const ELEMENT_CHANGE: f64 = 1e-9;
 
 /// Rotation of every free node from configuration `q_from` to `q_to`.
 ///
-/// For each element the rotation of the relative deformation `F_to F_from⁻¹`; at each node their mean, weighted by rest
+/// For each element, and at each point of quadratic ones, the rotation of the relative deformation `F_to F_from⁻¹`; at each node their mean, weighted by rest
 /// volume, projected back to a rotation [Saupin, Duriez, Cotin, Grisoni 2008]. An element that is flat in `q_from`, or
 /// not finite, adds the identity. Lengths: `q_from`, `q_to` one position per node (m); `rotations` one matrix per free
 /// node. Runs on one thread, allocates nothing; elements are added in mesh order.
@@ -199,7 +206,11 @@ pub fn nodal_rotations(
     rotations: &mut [Matrix3<f64>],
 ) {
     rotations.fill(Matrix3::zeros());
-    for (element, nodes) in model.elements().iter().zip(model.free_tetrahedra()) {
+    for element in model.quadratic_elements() {
+        add_quadratic(model, element, q_from, q_to, rotations);
+    }
+    let linear = if model.quadratic_elements().is_empty() { model.elements() } else { &[] };
+    for (element, nodes) in linear.iter().zip(model.free_tetrahedra()) {
         let from = element.edges(q_from);
         let to = element.edges(q_to);
         let weighted = relative_rotation(&from, &to) * element.volume;
@@ -209,6 +220,25 @@ pub fn nodal_rotations(
     }
     for rotation in rotations {
         *rotation = polar_rotation(rotation);
+    }
+}
+
+/// Adds the rotations at the points of a quadratic element, each to the corner near to it and to that corner's mid-nodes.
+fn add_quadratic(
+    model: &FemModel,
+    element: &QuadraticTetrahedron,
+    q_from: &[Vector3<f64>],
+    q_to: &[Vector3<f64>],
+    rotations: &mut [Matrix3<f64>],
+) {
+    let (from, to) = (element.deformation_gradients(q_from), element.deformation_gradients(q_to));
+    let free = element.nodes.map(|i| model.free_of_node()[i as usize]);
+    for k in 0..POINTS {
+        let weighted = relative_rotation(&from[k], &to[k]) * element.weights[k];
+        let mids = EDGES.iter().zip(&free[4..]).filter(|((a, b), _)| *a == k || *b == k).map(|(_, &free)| free);
+        for free in mids.chain([free[k]]).filter(|&free| free != FIXED) {
+            rotations[free as usize] += weighted;
+        }
     }
 }
 

@@ -20,12 +20,24 @@ pub struct BlockPattern {
 impl BlockPattern {
     /// The pattern of elements given by their free nodes; [`FIXED`] entries are skipped.
     pub fn from_elements(free_nodes: usize, elements: &[[u32; 4]]) -> Self {
+        Self::from_cliques(free_nodes, elements.iter().map(<[u32; 4]>::as_slice))
+    }
+
+    /// The pattern of sets of nodes that are all coupled to one another; [`FIXED`] entries are skipped.
+    pub fn from_cliques<'a>(free_nodes: usize, cliques: impl IntoIterator<Item = &'a [u32]>) -> Self {
         let mut pairs: Vec<(u32, u32)> = (0..free_nodes as u32).map(|i| (i, i)).collect();
-        for element in elements {
-            for &i in element.iter().filter(|&&i| i != FIXED) {
-                for &j in element.iter().filter(|&&j| j != FIXED) {
+        // Pairs come many times; sorting them away now and then bounds the memory by twice that of the distinct ones.
+        let mut distinct = pairs.len();
+        for clique in cliques {
+            for &i in clique.iter().filter(|&&i| i != FIXED) {
+                for &j in clique.iter().filter(|&&j| j != FIXED) {
                     pairs.push((i, j));
                 }
+            }
+            if pairs.len() > 2 * distinct + (1 << 20) {
+                pairs.sort_unstable();
+                pairs.dedup();
+                distinct = pairs.len();
             }
         }
         pairs.sort_unstable();

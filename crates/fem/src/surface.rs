@@ -2,14 +2,22 @@
 
 use nalgebra::Vector3;
 
-use crate::mesh::{FACES, TetMesh, sorted_faces};
+use crate::{
+    element::quadratic::EDGES,
+    mesh::{FACES, TetMesh, sorted_faces},
+};
 
 /// Boundary triangles with outward orientation (counter-clockwise seen from outside).
+///
+/// A quadratic face becomes four flat facets over its six nodes. They leave the curved face by at most a quarter of the
+/// distance by which the face leaves its corner triangle, and a point between the nodes moves with its facet instead
+/// of with the shape functions: an error of second order in the facet's size, as on a linear mesh of twice the
+/// resolution. At the nodes there is none, and forces put on facets keep their sum and their moments.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surface {
     /// Three mesh nodes per triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// The tetrahedron behind each triangle.
+    /// The tetrahedron behind each triangle; four in a row for each quadratic face.
     pub tetrahedra: Vec<u32>,
     /// All mesh nodes that lie on the surface, ascending.
     pub nodes: Vec<u32>,
@@ -41,7 +49,13 @@ impl Surface {
         boundary.sort_unstable();
 
         let triangle = |&(t, k): &(u32, u8)| FACES[k as usize].map(|i| mesh.tetrahedra[t as usize][i]);
-        let triangles: Vec<[u32; 3]> = boundary.iter().map(triangle).collect();
+        let triangles: Vec<[u32; 3]> = match mesh.is_quadratic() {
+            false => boundary.iter().map(triangle).collect(),
+            true => {
+                boundary = boundary.iter().flat_map(|&face| [face; 4]).collect();
+                boundary.iter().step_by(4).flat_map(|&(t, k)| facets(mesh, t as usize, FACES[k as usize])).collect()
+            }
+        };
         let mut nodes: Vec<u32> = triangles.iter().flatten().copied().collect();
         nodes.sort_unstable();
         nodes.dedup();
@@ -97,4 +111,17 @@ impl Surface {
         topology.closed = topology.rim_edges == 0 && !self.triangles.is_empty();
         topology
     }
+}
+
+/// The facets of a quadratic face given by its local corners: one at each corner, then the middle one. All turn as the
+/// face does.
+fn facets(mesh: &TetMesh, t: usize, [a, b, c]: [usize; 3]) -> [[u32; 3]; 4] {
+    let corner = |i: usize| mesh.tetrahedra[t][i];
+    // Mid-nodes of a face's edge: every pair of corners is in the list.
+    let mid = |i: usize, j: usize| {
+        let edge = EDGES.iter().position(|&(a, b)| (a, b) == (i, j) || (a, b) == (j, i)).unwrap_or_default();
+        mesh.mid_nodes[t][edge]
+    };
+    let (ab, bc, ca) = (mid(a, b), mid(b, c), mid(c, a));
+    [[corner(a), ab, ca], [ab, corner(b), bc], [ca, bc, corner(c)], [ab, bc, ca]]
 }

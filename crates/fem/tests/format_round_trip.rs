@@ -34,7 +34,7 @@ fn any_mesh() -> impl Strategy<Value = TetMesh> {
                 node_sets.insert(format!("{name}!"), set);
             }
         }
-        TetMesh { nodes, tetrahedra, regions, region_names: names, node_sets }
+        TetMesh { nodes, tetrahedra, regions, region_names: names, node_sets, ..TetMesh::default() }
     })
 }
 

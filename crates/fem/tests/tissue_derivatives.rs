@@ -7,7 +7,7 @@ mod tissue_setup;
 use nalgebra::{DMatrix, Matrix3, Rotation3, SMatrix, Vector3};
 use palpate_fem::{
     element::{ElementMatrices, Tetrahedron, UPPER},
-    material::{Law, Material, MaterialError},
+    material::{Law, Material},
 };
 use tissue_setup::{Random, all_materials};
 
@@ -37,6 +37,11 @@ fn states() -> Vec<(&'static str, Matrix3<f64>)> {
         ("inverted (-0.5)", turn * diagonal(1.1, 0.9, -0.5) * lean),
         ("inverted far (-2)", turn * diagonal(1.6, 1.3, -1.0) * lean),
     ]
+}
+
+/// Laws that a rotation leaves alone.
+fn frame_indifferent() -> impl Iterator<Item = Material> {
+    all_materials(5e3, 0.45).into_iter().filter(Law::is_frame_indifferent)
 }
 
 fn deform(F: &Matrix3<f64>, q: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
@@ -144,7 +149,7 @@ fn the_energy_is_zero_and_free_of_force_at_rest() {
 fn a_rigid_motion_by_any_angle_is_free_of_force() {
     let (element, rest) = element();
     let mut random = Random(3);
-    for material in all_materials(5e3, 0.45) {
+    for material in frame_indifferent() {
         for k in 0..200 {
             let axis = nalgebra::Unit::new_normalize(random.vector());
             let angle = if k == 0 { std::f64::consts::PI } else { 4.0 * random.symmetric() };
@@ -162,7 +167,7 @@ fn a_rigid_motion_by_any_angle_is_free_of_force() {
 #[test]
 fn laws_are_frame_indifferent() {
     let Q = Rotation3::from_euler_angles(2.5, -0.4, 1.3).into_inner();
-    for material in all_materials(5e3, 0.45) {
+    for material in frame_indifferent() {
         for (name, F) in states() {
             let (energy, turned) = (material.energy_density(&F), material.energy_density(&(Q * F)));
             assert!((energy - turned).abs() <= 1e-12 * energy.abs().max(1.0), "{} {name}", material.name());
@@ -175,7 +180,7 @@ fn laws_are_frame_indifferent() {
 #[test]
 fn internal_forces_have_no_sum_and_no_torque() {
     let (element, rest) = element();
-    for material in all_materials(5e3, 0.45) {
+    for material in frame_indifferent() {
         for (name, F) in states() {
             let q = deform(&F, &rest);
             let f = forces(&material, &element, &q);
@@ -302,17 +307,15 @@ fn materials_are_read_by_name_and_refuse_parameters_outside_their_range() {
     for name in Material::NAMES {
         let material = read(&format!(r#"{{ "law": "{name}", "young": 5000.0, "poisson": 0.45 }}"#)).unwrap();
         assert_eq!(material.name(), *name);
-        assert_eq!(Some(material), Material::from_young_poisson(name, 5000.0, 0.45));
+        assert_eq!(Some(material), Material::from_young_poisson(name, 5000.0, 0.45), "{name}");
         let again = read(&serde_json::to_string(&material).unwrap()).unwrap();
         assert_eq!(again, material);
-        for (young, poisson, error) in [
-            (-1.0, 0.3, MaterialError::Young(-1.0)),
-            (f64::INFINITY, 0.3, MaterialError::Young(f64::INFINITY)),
-            (5e3, 0.5, MaterialError::Poisson(0.5)),
-            (5e3, -1.0, MaterialError::Poisson(-1.0)),
-        ] {
-            assert_eq!(Material::from_young_poisson(name, young, poisson).unwrap().validate(), Err(error));
+        for (young, poisson, key) in [(-1.0, 0.3, "young"), (5e3, 0.5, "poisson"), (5e3, -1.0, "poisson")] {
+            assert!(Material::from_young_poisson(name, young, poisson).unwrap().validate().is_err(), "{name}");
+            let text = format!(r#"{{ "law": "{name}", "young": {young}, "poisson": {poisson} }}"#);
+            assert!(read(&text).unwrap_err().to_string().starts_with(key), "{text}");
         }
+        assert!(Material::from_young_poisson(name, f64::INFINITY, 0.3).unwrap().validate().is_err(), "{name}");
     }
     let by_moduli = read(r#"{ "law": "neo_hookean", "mu": 1000.0, "k0": 9000.0 }"#).unwrap().small_strain();
     assert!((by_moduli.mu - 1000.0).abs() < 1e-9 && (by_moduli.lambda - 9000.0).abs() < 1e-8);

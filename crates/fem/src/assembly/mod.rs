@@ -13,15 +13,16 @@
 #![allow(non_snake_case)]
 
 mod scatter;
+mod sum;
 
 use nalgebra::{Matrix3, Vector3};
-use rayon::prelude::*;
 
 pub(crate) use self::scatter::ScatterLists;
-use self::scatter::slots;
+use self::{scatter::slots, sum::sum_elements};
 use crate::{
-    element::ElementMatrices,
-    material::{BATCH, BatchReport, Law},
+    averaging::AveragingWorkspace,
+    element::{ElementKind, ElementMatrices, NodalShares, quadratic::QuadraticMatrices},
+    material::{BatchReport, Law},
     model::{FemModel, FemState},
     sparse::SystemMatrix,
 };
@@ -42,26 +43,32 @@ pub struct FemWorkspace {
     pub filter: bool,
     /// Upper blocks of `K`.
     upper: Vec<Matrix3<f64>>,
-    /// Element results: one batch on one thread, all batches on several.
+    /// Element results: one batch on one thread, all batches on several. Of quadratic bodies in the second list.
     results: Vec<ElementMatrices>,
+    quadratic_results: Vec<QuadraticMatrices>,
+    averaging: AveragingWorkspace,
     /// Slot of each element in `results`; empty on one thread.
     slot: Vec<u32>,
 }
 
 impl FemWorkspace {
     /// Memory for a body. If rayon has several threads here, memory for parallel assembly is included (504 bytes an
-    /// element); a workspace made where it has one assembles on one thread everywhere.
+    /// element, 4200 a quadratic one); a workspace made where it has one assembles on one thread everywhere.
     pub fn new(model: &FemModel) -> Self {
         let parallel = rayon::current_num_threads() > 1;
-        let batches = if parallel { model.batches().len() } else { 1 };
+        let size = model.batch_size();
+        let results = if parallel { size * model.batches().len() } else { size };
+        let quadratic = model.element_kind() == ElementKind::Quadratic;
         Self {
             system: SystemMatrix::zeros(model.pattern().clone()),
             rhs: vec![0.0; 3 * model.free_nodes()],
             f_int: vec![Vector3::zeros(); model.nodes()],
             filter: model.filter(),
             upper: vec![Matrix3::zeros(); model.scatter().upper_blocks()],
-            results: vec![ElementMatrices::ZERO; batches * BATCH],
-            slot: if parallel { slots(model.batches()) } else { Vec::new() },
+            results: vec![ElementMatrices::ZERO; if quadratic { 0 } else { results }],
+            quadratic_results: vec![QuadraticMatrices::ZERO; if quadratic { results } else { 0 }],
+            averaging: model.averaging().map(|groups| groups.workspace()).unwrap_or_default(),
+            slot: if parallel { slots(model.batches(), size) } else { Vec::new() },
         }
     }
 }
@@ -167,21 +174,46 @@ pub fn assemble_with(
 pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) {
     ws.f_int.fill(Vector3::zeros());
     for batch in model.batches() {
-        for element in &model.elements()[batch.elements.clone()] {
+        for element in batch.of(model.quadratic_elements()) {
+            let mut result = [Vector3::zeros(); 10];
+            for (k, F) in element.deformation_gradients(&state.q).iter().enumerate() {
+                element.add_forces(k, &batch.material.first_piola(F), &mut result);
+            }
+            result[0] = -result[1..].iter().sum::<Vector3<f64>>();
+            for (f, &node) in result.iter().zip(&element.nodes) {
+                ws.f_int[node as usize] += f;
+            }
+        }
+        if model.element_kind() == ElementKind::Quadratic {
+            continue;
+        }
+        for element in batch.of(model.elements()) {
             let P = batch.material.first_piola(&element.deformation_gradient(&state.q));
             let result = ElementMatrices { forces: element.forces(&P), ..ElementMatrices::ZERO };
             for (a, &node) in element.nodes.iter().enumerate() {
-                ws.f_int[node as usize] += result.force(a);
+                ws.f_int[node as usize] += NodalShares::force(&result, a);
             }
         }
+    }
+    if let Some(groups) = model.averaging() {
+        groups.pressures(model.elements(), &state.q, false, false, &mut ws.averaging);
+        groups.add_forces(model.elements(), &state.q, &ws.averaging, &mut ws.f_int);
     }
 }
 
 /// Elastic energy of the body (J).
 pub fn elastic_energy(model: &FemModel, state: &FemState) -> f64 {
-    let mut energy = 0.0;
+    let mut energy = model.averaging().map_or(0.0, |groups| groups.energy(model.elements(), &state.q));
     for batch in model.batches() {
-        for element in &model.elements()[batch.elements.clone()] {
+        for element in batch.of(model.quadratic_elements()) {
+            for (F, weight) in element.deformation_gradients(&state.q).iter().zip(element.weights) {
+                energy += weight * batch.material.energy_density(F);
+            }
+        }
+        if model.element_kind() == ElementKind::Quadratic {
+            continue;
+        }
+        for element in batch.of(model.elements()) {
             energy += element.volume * batch.material.energy_density(&element.deformation_gradient(&state.q));
         }
     }
@@ -199,46 +231,6 @@ fn system_block(K: &Matrix3<f64>, coefficients: Coefficients, mass: f64, diagona
         block[(c, c)] += coefficients.mass * mass;
     }
     block
-}
-
-/// Computes all elements and sums them into `ws.upper` and `ws.f_int`.
-fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) -> AssemblyReport {
-    let scatter = model.scatter();
-    let filter = ws.filter;
-    let compute = |batch: &crate::model::Batch, results: &mut [ElementMatrices]| {
-        let elements = &model.elements()[batch.elements.clone()];
-        let report = batch.material.batch(elements, &state.q, filter, &mut results[..elements.len()]);
-        report.shifted(batch.elements.start as u32)
-    };
-    let parallel = !ws.slot.is_empty() && rayon::current_num_threads() > 1;
-    let report = if parallel {
-        let report = (ws.results.par_chunks_mut(BATCH).zip(model.batches()))
-            .map(|(results, batch)| compute(batch, results))
-            .reduce(BatchReport::default, BatchReport::merged);
-        let (results, slot) = (&ws.results, &ws.slot);
-        ws.upper.par_chunks_mut(8 * ROWS).enumerate().for_each(|(chunk, upper)| {
-            for (k, block) in upper.iter_mut().enumerate() {
-                *block = scatter.gather_block(8 * ROWS * chunk + k, results, slot);
-            }
-        });
-        ws.f_int.par_chunks_mut(ROWS).enumerate().for_each(|(chunk, f_int)| {
-            for (k, f) in f_int.iter_mut().enumerate() {
-                *f = scatter.gather_force(ROWS * chunk + k, results, slot);
-            }
-        });
-        report
-    } else {
-        ws.upper.fill(Matrix3::zeros());
-        ws.f_int.fill(Vector3::zeros());
-        let mut report = BatchReport::default();
-        for batch in model.batches() {
-            report = report.merged(compute(batch, &mut ws.results));
-            let results = &ws.results[..batch.elements.len()];
-            scatter.scatter(model.elements(), batch.elements.start, results, &mut ws.upper, &mut ws.f_int);
-        }
-        report
-    };
-    AssemblyReport::new(report, model)
 }
 
 /// Calls `row(free node, mesh node, blocks of the row)` for every row, in parallel where there are threads; what it

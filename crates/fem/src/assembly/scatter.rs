@@ -7,8 +7,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::{
-    element::{ElementMatrices, Tetrahedron, UPPER},
-    material::BATCH,
+    element::NodalShares,
     sparse::{BlockPattern, FIXED},
 };
 
@@ -21,15 +20,17 @@ const NOWHERE: u32 = u32::MAX;
 /// Lists that take element results to the upper blocks and nodal forces, and those to the full pattern.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ScatterLists {
-    /// For each element the position of its ten blocks in the upper half.
-    positions: Vec<[u32; 10]>,
+    /// For each element its `N` mesh nodes.
+    nodes: Vec<u32>,
+    /// For each element the position of its `N (N + 1) / 2` blocks in the upper half.
+    positions: Vec<u32>,
     /// For each upper block the range of its entries in `block_sources`.
     block_start: Vec<u32>,
-    /// `element << 5 | block << 1 | transposed`.
+    /// `element << 7 | block << 1 | transposed`.
     block_sources: Vec<u32>,
     /// For each mesh node the range of its entries in `force_sources`.
     force_start: Vec<u32>,
-    /// `element << 2 | local node`.
+    /// `element << 4 | local node`.
     force_sources: Vec<u32>,
     /// For each block of the pattern its upper block, with [`TRANSPOSED`] below the diagonal.
     upper_of_block: Vec<u32>,
@@ -37,43 +38,37 @@ pub(crate) struct ScatterLists {
 
 impl ScatterLists {
     /// Elements that fit the packed entries.
-    pub(crate) const MAX_ELEMENTS: usize = 1 << 27;
+    pub(crate) const MAX_ELEMENTS: usize = 1 << 25;
 
-    pub(crate) fn new(
-        pattern: &BlockPattern,
-        elements: &[Tetrahedron],
-        free_tetrahedra: &[[u32; 4]],
-        nodes: usize,
-    ) -> Self {
+    /// Lists over the mesh nodes of each element, which `free_of_node` takes to the rows of the pattern.
+    pub(crate) fn new<const N: usize>(pattern: &BlockPattern, elements: &[[u32; N]], free_of_node: &[u32]) -> Self {
         let (upper_of_block, uppers) = number_upper_blocks(pattern);
-        let positions: Vec<[u32; 10]> = free_tetrahedra
-            .iter()
-            .map(|free| {
-                UPPER.map(|(a, b)| {
-                    let (i, j) = (free[a], free[b]);
-                    let place = |i, j| pattern.find(i, j).map_or(NOWHERE, |p| upper_of_block[p]);
-                    match (i, j) {
-                        (FIXED, _) | (_, FIXED) => NOWHERE,
-                        _ if i <= j => place(i, j),
-                        _ => place(j, i) | TRANSPOSED,
-                    }
-                })
-            })
-            .collect();
-
-        let blocks = positions.iter().enumerate().flat_map(|(e, positions)| {
+        let pairs = || (0..N).flat_map(|a| (a..N).map(move |b| (a, b)));
+        let place = |i, j| pattern.find(i, j).map_or(NOWHERE, |p| upper_of_block[p]);
+        let position = |i: u32, j: u32| match (i, j) {
+            (FIXED, _) | (_, FIXED) => NOWHERE,
+            _ if i <= j => place(i, j),
+            _ => place(j, i) | TRANSPOSED,
+        };
+        let mut positions = Vec::with_capacity(elements.len() * pairs().count());
+        for element in elements {
+            let free = element.map(|i| free_of_node[i as usize]);
+            positions.extend(pairs().map(|(a, b)| position(free[a], free[b])));
+        }
+        let blocks = positions.chunks_exact(pairs().count()).enumerate().flat_map(|(e, positions)| {
             positions.iter().enumerate().filter(|(_, p)| **p != NOWHERE).map(move |(k, &p)| {
                 let transposed = u32::from(p & TRANSPOSED != 0);
-                ((p & !TRANSPOSED) as usize, (e as u32) << 5 | (k as u32) << 1 | transposed)
+                ((p & !TRANSPOSED) as usize, (e as u32) << 7 | (k as u32) << 1 | transposed)
             })
         });
         let (block_start, block_sources) = group(blocks, uppers);
         let forces = elements
             .iter()
             .enumerate()
-            .flat_map(|(e, element)| (0..4).map(move |a| (element.nodes[a] as usize, (e as u32) << 2 | a as u32)));
-        let (force_start, force_sources) = group(forces, nodes);
-        Self { positions, block_start, block_sources, force_start, force_sources, upper_of_block }
+            .flat_map(|(e, element)| (0..N).map(move |a| (element[a] as usize, (e as u32) << 4 | a as u32)));
+        let (force_start, force_sources) = group(forces, free_of_node.len());
+        let nodes = elements.iter().flatten().copied().collect();
+        Self { nodes, positions, block_start, block_sources, force_start, force_sources, upper_of_block }
     }
 
     /// Number of upper blocks.
@@ -82,17 +77,19 @@ impl ScatterLists {
     }
 
     /// Adds the results of consecutive elements from `first` on to `upper` and `forces`.
-    pub(crate) fn scatter(
+    pub(crate) fn scatter<R: NodalShares>(
         &self,
-        elements: &[Tetrahedron],
         first: usize,
-        results: &[ElementMatrices],
+        results: &[R],
         upper: &mut [Matrix3<f64>],
         forces: &mut [Vector3<f64>],
     ) {
-        let range = first..first + results.len();
-        for ((element, positions), result) in elements[range.clone()].iter().zip(&self.positions[range]).zip(results) {
-            for (a, &node) in element.nodes.iter().enumerate() {
+        let n = R::NODES;
+        let blocks = n * (n + 1) / 2;
+        let nodes = self.nodes[n * first..].chunks_exact(n);
+        let positions = self.positions[blocks * first..].chunks_exact(blocks);
+        for ((nodes, positions), result) in nodes.zip(positions).zip(results) {
+            for (a, &node) in nodes.iter().enumerate() {
                 forces[node as usize] += result.force(a);
             }
             for (k, &p) in positions.iter().enumerate().filter(|(_, p)| **p != NOWHERE) {
@@ -106,23 +103,28 @@ impl ScatterLists {
         }
     }
 
-    /// Upper block `p` from all element results, kept in slots of [`BATCH`] per batch through `slot`.
-    pub(crate) fn gather_block(&self, p: usize, results: &[ElementMatrices], slot: &[u32]) -> Matrix3<f64> {
+    /// Upper block `p` from all element results, kept in the slots that `slot` names.
+    pub(crate) fn gather_block<R: NodalShares>(&self, p: usize, results: &[R], slot: &[u32]) -> Matrix3<f64> {
         let mut sum = Matrix3::zeros();
         for &source in &self.block_sources[self.block_start[p] as usize..self.block_start[p + 1] as usize] {
-            let block = results[slot[(source >> 5) as usize] as usize].upper((source >> 1 & 15) as usize);
+            let block = results[slot[(source >> 7) as usize] as usize].upper((source >> 1 & 63) as usize);
             sum += if source & 1 == 0 { block } else { block.transpose() };
         }
         sum
     }
 
     /// Internal force of mesh node `i` from all element results.
-    pub(crate) fn gather_force(&self, i: usize, results: &[ElementMatrices], slot: &[u32]) -> Vector3<f64> {
+    pub(crate) fn gather_force<R: NodalShares>(&self, i: usize, results: &[R], slot: &[u32]) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         for &source in &self.force_sources[self.force_start[i] as usize..self.force_start[i + 1] as usize] {
-            sum += results[slot[(source >> 2) as usize] as usize].force((source & 3) as usize);
+            sum += results[slot[(source >> 4) as usize] as usize].force((source & 15) as usize);
         }
         sum
+    }
+
+    /// Position of block `(i, j)` of the pattern in the upper half, for `i <= j`.
+    pub(crate) fn upper_position(&self, pattern: &BlockPattern, i: u32, j: u32) -> Option<u32> {
+        pattern.find(i, j).map(|p| self.upper_of_block[p])
     }
 
     /// Block `p` of the pattern from the upper half.
@@ -133,12 +135,12 @@ impl ScatterLists {
     }
 }
 
-/// Slots of the elements in a buffer of [`BATCH`] results per batch.
-pub(crate) fn slots(batches: &[crate::model::Batch]) -> Vec<u32> {
+/// Slots of the elements in a buffer of `size` results per batch.
+pub(crate) fn slots(batches: &[crate::model::Batch], size: usize) -> Vec<u32> {
     batches
         .iter()
         .enumerate()
-        .flat_map(|(b, batch)| (0..batch.elements.len()).map(move |k| (b * BATCH + k) as u32))
+        .flat_map(|(b, batch)| (0..batch.elements.len()).map(move |k| (b * size + k) as u32))
         .collect()
 }
 

@@ -11,8 +11,9 @@ pub(crate) struct Cell {
     pub(crate) nodes: usize,
 }
 
-/// The cell that is simulated.
+/// The cells that are simulated.
 pub(crate) const TETRAHEDRON: Cell = cell("tetrahedra", 3, 4);
+pub(crate) const QUADRATIC_TETRAHEDRON: Cell = cell("quadratic tetrahedra (10 nodes)", 3, 10);
 
 const fn cell(name: &'static str, dimension: u8, nodes: usize) -> Cell {
     Cell { name, dimension, nodes }
@@ -41,7 +42,7 @@ pub(crate) fn vtk(code: i64) -> Option<Cell> {
         21 => cell("quadratic lines", 1, 3),
         22 => cell("quadratic triangles", 2, 6),
         23 => cell("quadratic quadrilaterals", 2, 8),
-        24 => cell("quadratic tetrahedra (10 nodes)", 3, 10),
+        24 => QUADRATIC_TETRAHEDRON,
         25 => cell("quadratic hexahedra (20 nodes)", 3, 20),
         26 => cell("quadratic wedges (15 nodes)", 3, 15),
         27 => cell("quadratic pyramids (13 nodes)", 3, 13),
@@ -79,7 +80,7 @@ pub(crate) fn gmsh(code: i64) -> Option<Cell> {
         8 => cell("quadratic lines", 1, 3),
         9 => cell("quadratic triangles", 2, 6),
         10 => cell("quadratic quadrilaterals", 2, 9),
-        11 => cell("quadratic tetrahedra (10 nodes)", 3, 10),
+        11 => QUADRATIC_TETRAHEDRON,
         12 => cell("quadratic hexahedra (27 nodes)", 3, 27),
         13 => cell("quadratic prisms (18 nodes)", 3, 18),
         14 => cell("quadratic pyramids (14 nodes)", 3, 14),

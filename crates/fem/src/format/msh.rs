@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-use super::cell::{self, Cell, TETRAHEDRON};
+use super::cell::{self, Cell, QUADRATIC_TETRAHEDRON, TETRAHEDRON};
 use super::cursor::Cursor;
 use super::raw::{Numbering, RawMesh};
 use super::scalar::{Endian, Scalar};
@@ -163,11 +163,16 @@ impl MshMesh {
         nodes: &[i64],
         cursor: &Cursor,
     ) -> Result<(), MeshError> {
-        if cell == TETRAHEDRON {
-            let Ok(nodes) = <[i64; 4]>::try_from(nodes) else {
-                return Err(cursor.syntax(format!("a tetrahedron has {} nodes", nodes.len())));
-            };
-            self.raw.push_tetrahedron(nodes, cursor);
+        if cell == TETRAHEDRON || cell == QUADRATIC_TETRAHEDRON {
+            let wrong = || cursor.syntax(format!("a tetrahedron of {} nodes has {}", cell.nodes, nodes.len()));
+            if cell == TETRAHEDRON {
+                self.raw.push_tetrahedron(<[i64; 4]>::try_from(nodes).map_err(|_| wrong())?, cursor);
+            } else {
+                let mut nodes = <[i64; 10]>::try_from(nodes).map_err(|_| wrong())?;
+                // Gmsh has the mid-node of edge 23 before that of edge 13.
+                nodes.swap(8, 9);
+                self.raw.push_quadratic(nodes, cursor);
+            }
             self.physical.push(physical.first().copied().unwrap_or(0));
             self.entity.push(entity);
             return Ok(());
@@ -210,6 +215,6 @@ pub(super) fn element_kind(code: i64, cursor: &Cursor) -> Result<Cell, MeshError
     cell::gmsh(code).ok_or_else(|| MeshError::Unsupported {
         at: cursor.at(),
         what: format!("Gmsh element type {code}"),
-        remedy: "mesh with linear tetrahedra",
+        remedy: "mesh with linear or quadratic tetrahedra",
     })
 }

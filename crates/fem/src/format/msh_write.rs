@@ -53,10 +53,17 @@ fn write_sections(text: &mut String, mesh: &TetMesh) -> std::fmt::Result {
             number += 1;
         }
     }
-    for (t, region) in mesh.tetrahedra.iter().zip(&mesh.regions) {
+    let kind = if mesh.is_quadratic() { 11 } else { 4 };
+    for (t, (corners, region)) in mesh.tetrahedra.iter().zip(&mesh.regions).enumerate() {
         let group = u32::from(*region) + 1;
-        let [a, b, c, d] = t.map(|node| node + 1);
-        writeln!(text, "{number} 4 2 {group} {group} {a} {b} {c} {d}")?;
+        let [a, b, c, d] = corners.map(|node| node + 1);
+        write!(text, "{number} {kind} 2 {group} {group} {a} {b} {c} {d}")?;
+        if let Some(mids) = mesh.mid_nodes.get(t) {
+            // Gmsh has the mid-node of edge 23 before that of edge 13.
+            let [e, f, g, h, i, j] = mids.map(|node| node + 1);
+            write!(text, " {e} {f} {g} {h} {j} {i}")?;
+        }
+        writeln!(text)?;
         number += 1;
     }
     writeln!(text, "$EndElements")

@@ -29,6 +29,8 @@ pub(crate) struct RawMesh {
     pub(crate) nodes: Vec<Vector3<f64>>,
     pub(crate) numbering: Numbering,
     pub(crate) tetrahedra: Vec<[i64; 4]>,
+    /// Mid-nodes of the tetrahedra that have any, in VTK's order; of all of them or of none.
+    mid_nodes: Vec<[i64; 6]>,
     /// The region of each tetrahedron, by the file's number; empty if the file tells of none.
     pub(crate) tags: Vec<i64>,
     /// Names of regions, by the file's number. Named regions are kept even if no tetrahedron is in them.
@@ -49,6 +51,7 @@ impl RawMesh {
             nodes: Vec::new(),
             numbering: Numbering::From(0),
             tetrahedra: Vec::new(),
+            mid_nodes: Vec::new(),
             tags: Vec::new(),
             names: BTreeMap::new(),
             node_sets: BTreeMap::new(),
@@ -73,6 +76,20 @@ impl RawMesh {
         if !cursor.is_binary() {
             self.from.tetrahedron_lines.push(cursor.word_line());
         }
+    }
+
+    /// Adds a tetrahedron with mid-nodes, in VTK's order, at the cursor's place.
+    pub(crate) fn push_quadratic(&mut self, nodes: [i64; 10], cursor: &Cursor) {
+        self.push_ten_nodes(nodes);
+        if !cursor.is_binary() {
+            self.from.tetrahedron_lines.push(cursor.word_line());
+        }
+    }
+
+    /// Adds a tetrahedron with mid-nodes, in VTK's order, whose line is kept elsewhere.
+    pub(crate) fn push_ten_nodes(&mut self, nodes: [i64; 10]) {
+        self.tetrahedra.push(std::array::from_fn(|i| nodes[i]));
+        self.mid_nodes.push(std::array::from_fn(|i| nodes[i + 4]));
     }
 
     /// Counts a cell that is not a tetrahedron.
@@ -106,9 +123,10 @@ impl RawMesh {
         self.refuse_other_cells()?;
         check_nodes(&self.nodes, &self.from)?;
         let (regions, region_names) = self.regions()?;
-        let tetrahedra = self.resolve_tetrahedra()?;
+        let tetrahedra = self.resolve(&self.tetrahedra)?;
+        let mid_nodes = self.resolve(&self.mid_nodes)?;
         let node_sets = self.resolve_sets()?;
-        let mut mesh = TetMesh { nodes: self.nodes, tetrahedra, regions, region_names, node_sets };
+        let mut mesh = TetMesh { nodes: self.nodes, tetrahedra, mid_nodes, regions, region_names, node_sets };
         drop_stray_nodes(&mut mesh, &mut self.from, &mut self.warnings);
         turn_round_if_all_inverted(&mut mesh, &mut self.warnings);
         Ok((mesh, self.from, self.warnings))
@@ -122,6 +140,12 @@ impl RawMesh {
         let solid: Vec<_> = self.others.values().filter(|(cell, _)| cell.dimension == 3).collect();
         if let Some(at) = &self.first_unsupported {
             return Err(MeshError::UnsupportedCells { at: at.clone(), cells: list(&solid) });
+        }
+        let (tetrahedra, quadratic) = (self.tetrahedra.len(), self.mid_nodes.len());
+        if quadratic != 0 && quadratic != tetrahedra {
+            let what = format!("{} linear beside {quadratic} quadratic tetrahedra", tetrahedra - quadratic);
+            let remedy = "mesh the whole body in one order";
+            return Err(MeshError::Unsupported { at: self.from.file(), what, remedy });
         }
         if !self.tetrahedra.is_empty() {
             return Ok(());
@@ -173,10 +197,11 @@ impl RawMesh {
         names
     }
 
-    fn resolve_tetrahedra(&self) -> Result<Vec<[u32; 4]>, MeshError> {
-        let mut tetrahedra = Vec::with_capacity(self.tetrahedra.len());
-        for (t, numbers) in self.tetrahedra.iter().enumerate() {
-            let mut resolved = [0; 4];
+    /// Nodes by index, of the corners or of the mid-nodes of all tetrahedra.
+    fn resolve<const N: usize>(&self, lists: &[[i64; N]]) -> Result<Vec<[u32; N]>, MeshError> {
+        let mut all = Vec::with_capacity(lists.len());
+        for (t, numbers) in lists.iter().enumerate() {
+            let mut resolved = [0; N];
             for (slot, &number) in resolved.iter_mut().zip(numbers) {
                 *slot = self.index(number).ok_or_else(|| MeshError::NodeOutOfRange {
                     at: self.from.tetrahedron(t),
@@ -185,9 +210,9 @@ impl RawMesh {
                     nodes: self.nodes.len(),
                 })?;
             }
-            tetrahedra.push(resolved);
+            all.push(resolved);
         }
-        Ok(tetrahedra)
+        Ok(all)
     }
 
     /// Node sets in ascending order without repetition.

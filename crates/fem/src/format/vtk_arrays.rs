@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::cell::{self, TETRAHEDRON};
+use super::cell::{self, QUADRATIC_TETRAHEDRON, TETRAHEDRON};
 use super::raw::RawMesh;
 use super::scalar::Values;
 use crate::mesh::{At, MeshError, MeshWarning};
@@ -129,13 +129,20 @@ impl VtkArrays {
             let nodes = nodes.ok_or_else(|| syntax(format!("cell {c} has no list of nodes")))?;
             let Some(kind) = cell::vtk(code) else {
                 let what = format!("cell {c} of VTK type {code}");
-                return Err(MeshError::Unsupported { at: at(), what, remedy: "mesh with linear tetrahedra" });
+                return Err(MeshError::Unsupported {
+                    at: at(),
+                    what,
+                    remedy: "mesh with linear or quadratic tetrahedra",
+                });
             };
             let region = regions.as_ref().and_then(|(_, tags)| tags.get(c)).copied();
-            if kind == TETRAHEDRON {
-                let tetrahedron = <[i64; 4]>::try_from(nodes);
-                let tetrahedron = tetrahedron.map_err(|_| syntax(format!("tetrahedron with {} nodes", nodes.len())))?;
-                raw.tetrahedra.push(tetrahedron);
+            if kind == TETRAHEDRON || kind == QUADRATIC_TETRAHEDRON {
+                let wrong = || syntax(format!("tetrahedron of {} nodes with {}", kind.nodes, nodes.len()));
+                if kind == TETRAHEDRON {
+                    raw.tetrahedra.push(<[i64; 4]>::try_from(nodes).map_err(|_| wrong())?);
+                } else {
+                    raw.push_ten_nodes(<[i64; 10]>::try_from(nodes).map_err(|_| wrong())?);
+                }
                 raw.from.tetrahedron_lines.extend(cells.lines.get(c));
                 raw.tags.extend(region);
                 continue;

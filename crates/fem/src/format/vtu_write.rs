@@ -30,8 +30,9 @@ impl PointData<'_> {
     }
 }
 
-/// VTK's number for a linear tetrahedron.
+/// VTK's numbers for linear and quadratic tetrahedra.
 const VTK_TETRA: u8 = 10;
+const VTK_QUADRATIC_TETRA: u8 = 24;
 
 /// Writes a mesh with data at its nodes.
 ///
@@ -51,6 +52,10 @@ pub fn write_vtu(
     }
     if mesh.regions.len() != mesh.tetrahedra.len() {
         return inconsistent(format!("{} tetrahedra, but regions for {}", mesh.tetrahedra.len(), mesh.regions.len()));
+    }
+    if mesh.is_quadratic() && mesh.mid_nodes.len() != mesh.tetrahedra.len() {
+        let (tetrahedra, mids) = (mesh.tetrahedra.len(), mesh.mid_nodes.len());
+        return inconsistent(format!("{tetrahedra} tetrahedra, but mid-nodes for {mids}"));
     }
     if let Some(name) = mesh.region_names.iter().chain(mesh.node_sets.keys()).find(|name| name.contains('\0')) {
         return inconsistent(format!("the name {name:?} holds a zero byte"));
@@ -91,11 +96,13 @@ fn vtu_bytes(mesh: &TetMesh, point_data: &[(&str, PointData<'_>)]) -> Vec<u8> {
     file.text.push_str("</CellData>\n<Points>\n");
     file.vectors("Points", &mesh.nodes);
     file.text.push_str("</Points>\n<Cells>\n");
-    let connectivity = mesh.tetrahedra.iter().flatten().map(|&node| i64::from(node).to_le_bytes());
-    file.array("Int64", "connectivity", Length::Components(1), connectivity);
-    let ends = (1..=mesh.tetrahedra.len()).map(|cell| (4 * cell as i64).to_le_bytes());
+    let mids = |t: usize| mesh.mid_nodes.get(t).into_iter().flatten();
+    let cells = mesh.tetrahedra.iter().enumerate().flat_map(|(t, corners)| corners.iter().chain(mids(t)));
+    file.array("Int64", "connectivity", Length::Components(1), cells.map(|&node| i64::from(node).to_le_bytes()));
+    let (nodes, kind) = if mesh.is_quadratic() { (10, VTK_QUADRATIC_TETRA) } else { (4, VTK_TETRA) };
+    let ends = (1..=mesh.tetrahedra.len()).map(|cell| (nodes * cell as i64).to_le_bytes());
     file.array("Int64", "offsets", Length::Components(1), ends);
-    file.array("UInt8", "types", Length::Components(1), mesh.tetrahedra.iter().map(|_| [VTK_TETRA]));
+    file.array("UInt8", "types", Length::Components(1), mesh.tetrahedra.iter().map(|_| [kind]));
     file.finish()
 }
 

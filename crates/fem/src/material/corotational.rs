@@ -20,7 +20,11 @@
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
-use super::{Lame, Law, MaterialError, lame::validate_young_poisson, principal::PrincipalTangent};
+use super::{
+    Lame, Law, MaterialError,
+    lame::{ElasticParameters, validate_young_poisson},
+    principal::PrincipalTangent,
+};
 use crate::{
     element::{ElementMatrices, Tetrahedron},
     rotation::{SignedSvd, polar_rotation, signed_svd},
@@ -29,14 +33,23 @@ use crate::{
 /// Smallest sum of two singular values in the derivative of the rotation.
 pub const RIDGE: f64 = 1e-6;
 
-/// Corotational linear material.
+/// Corotational linear material. In files either `young` and `poisson`, or `mu` and `lambda`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "ElasticParameters")]
 pub struct Corotational {
     /// Young's modulus (Pa), positive.
     pub young: f64,
     /// Poisson's ratio, in `(-1, 0.5)`.
     pub poisson: f64,
+}
+
+impl TryFrom<ElasticParameters> for Corotational {
+    type Error = MaterialError;
+
+    fn try_from(p: ElasticParameters) -> Result<Self, MaterialError> {
+        let (young, poisson) = p.young_poisson("corotational")?;
+        Ok(Self { young, poisson })
+    }
 }
 
 impl Corotational {
@@ -76,6 +89,11 @@ impl Law for Corotational {
     #[inline]
     fn small_strain(&self) -> Lame {
         Lame::from_young_poisson(self.young, self.poisson)
+    }
+
+    fn relaxed(&self, share: f64) -> Self {
+        let lame = self.small_strain().relaxed(share);
+        Self { young: lame.young(), poisson: lame.poisson() }
     }
 
     fn energy_density(&self, F: &Matrix3<f64>) -> f64 {

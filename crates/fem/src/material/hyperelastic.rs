@@ -15,13 +15,14 @@
 //! ∂²J/∂q_i∂q_j = -[F (D_i x D_j)]x  =  -[e_k]x / 6 V0                 (e_k: the deformed edge that is left, with sign)
 //! ```
 //! Departure from the paper: `∂S/∂C` is given at each strain by the two scalars `α, β` rather than by tensors stored per
-//! element, which serves every isotropic law in `I1, I2, J` and keeps the elements small.
+//! element, which serves laws in `I1, I2, J` that are linear in `I2` (all of the paper's isotropic ones but Ogden's, the
+//! exponential one included) and keeps the elements small.
 
 #![allow(non_snake_case)]
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Lame, Law, MaterialError, principal::PrincipalTangent};
+use super::{Bulk, Lame, Law, MaterialError, bulk::UnderPressure, principal::PrincipalTangent};
 use crate::{
     element::{ElementMatrices, Tetrahedron},
     rotation::{cofactor, signed_svd},
@@ -88,6 +89,25 @@ impl Response {
         self.beta += f.value * g.beta;
     }
 
+    /// Adds the term `φ(X)` of `X = f(J) I1 + const`, with `I1 = trace`; `phi` holds `φ, φ', φ''` by `X`.
+    ///
+    /// Exponentials of an invariant do not split into `f(J) g(C)`; since `∂²I1/∂C² = 0`, what `φ''` adds to `∂S/∂C` is
+    /// `2 φ'' f² tr(dC) I`, of the form that `alpha` covers.
+    #[inline]
+    pub fn add_composed(&mut self, phi: &VolumeFactor, f: &VolumeFactor, trace: f64) {
+        let (X1, X2) = (f.first * trace, f.second * trace);
+        self.energy += phi.value;
+        let S = 2.0 * phi.first * f.value;
+        let S_prime = 2.0 * (phi.first * f.first + phi.second * X1 * f.value);
+        for c in 0..3 {
+            self.S[(c, c)] += S;
+            self.S_prime[(c, c)] += S_prime;
+        }
+        self.s1 += phi.first * X1;
+        self.s2 += phi.second * X1 * X1 + phi.first * X2;
+        self.alpha += 2.0 * phi.second * f.value * f.value;
+    }
+
     /// Adds the term `f(J)`.
     #[inline]
     pub fn add_volume(&mut self, f: &VolumeFactor) {
@@ -110,6 +130,14 @@ pub trait Hyperelastic: Copy + Send + Sync {
     /// Lamé parameters at small strain.
     fn small_strain(&self) -> Lame;
 
+    /// See [`Law::relaxed`].
+    fn relaxed(&self, share: f64) -> Self;
+
+    /// See [`Law::without_bulk`].
+    fn without_bulk(&self) -> Option<(Self, Bulk)> {
+        None
+    }
+
     /// The sums over the terms at `C = FᵀF` and `J = det F`, which is any real number.
     fn response(&self, C: &Matrix3<f64>, J: f64) -> Response;
 }
@@ -121,6 +149,26 @@ impl<L: Hyperelastic> Law for L {
 
     fn small_strain(&self) -> Lame {
         Hyperelastic::small_strain(self)
+    }
+
+    fn relaxed(&self, share: f64) -> Self {
+        Hyperelastic::relaxed(self, share)
+    }
+
+    fn without_bulk(&self) -> Option<(Self, Bulk)> {
+        Hyperelastic::without_bulk(self)
+    }
+
+    #[inline]
+    fn element_under_pressure(
+        &self,
+        element: &Tetrahedron,
+        edges: &Matrix3<f64>,
+        pressure: f64,
+        filter: bool,
+        out: &mut ElementMatrices,
+    ) -> Option<bool> {
+        Some(UnderPressure { law: *self, pressure }.element(element, edges, filter, out))
     }
 
     fn energy_density(&self, F: &Matrix3<f64>) -> f64 {

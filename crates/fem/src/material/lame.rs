@@ -1,5 +1,6 @@
 //! Parameters of isotropic linear elasticity, the errors of material parameters, and conversions.
 
+use serde::Deserialize;
 use thiserror::Error;
 
 /// Lamé parameters (Pa): stress `2 mu ε + lambda tr(ε) I` at small strain `ε`.
@@ -31,6 +32,16 @@ impl Lame {
         0.5 * self.lambda / (self.lambda + self.mu)
     }
 
+    /// From a shear modulus `mu` (Pa) and the bulk modulus (Pa).
+    pub fn from_shear_bulk(mu: f64, bulk: f64) -> Self {
+        Self { mu, lambda: bulk - mu * 2.0 / 3.0 }
+    }
+
+    /// The shear modulus times `1 - share`, at the same bulk modulus.
+    pub(crate) fn relaxed(&self, share: f64) -> Self {
+        Self::from_shear_bulk(self.mu * (1.0 - share), self.bulk())
+    }
+
     /// Bulk modulus `λ + 2/3 μ` (Pa).
     pub fn bulk(&self) -> f64 {
         self.lambda + self.mu * 2.0 / 3.0
@@ -57,9 +68,24 @@ pub enum MaterialError {
         /// The shear modulus (Pa).
         mu: f64,
     },
-    /// Neither of the two sets of parameters is complete.
-    #[error("neo_hookean takes `young` and `poisson`, or `mu` and `k0`: one complete pair, not both")]
-    ParameterPair,
+    /// A parameter is outside its range.
+    #[error("{name} = {value}: must be {range}")]
+    OutOfRange {
+        /// The parameter.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it may be, with its unit.
+        range: &'static str,
+    },
+    /// No set of parameters is complete, or several are mixed.
+    #[error("{law} takes {sets}: one complete set, not a mixture")]
+    ParameterSet {
+        /// The law.
+        law: &'static str,
+        /// The sets that it takes.
+        sets: &'static str,
+    },
 }
 
 /// Checks the range of Young's modulus (Pa) and Poisson's ratio.
@@ -71,4 +97,43 @@ pub(crate) fn validate_young_poisson(young: f64, poisson: f64) -> Result<(), Mat
         return Err(MaterialError::Poisson(poisson));
     }
     Ok(())
+}
+
+/// Checks a parameter that must be positive and finite.
+pub(crate) fn validate_positive(name: &'static str, value: f64, range: &'static str) -> Result<(), MaterialError> {
+    if value > 0.0 && value.is_finite() { Ok(()) } else { Err(MaterialError::OutOfRange { name, value, range }) }
+}
+
+/// The two ways to write the parameters of laws that have those of linear elasticity and no others.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct ElasticParameters {
+    young: Option<f64>,
+    poisson: Option<f64>,
+    mu: Option<f64>,
+    lambda: Option<f64>,
+}
+
+impl ElasticParameters {
+    /// Young's modulus (Pa) and Poisson's ratio, validated.
+    pub(crate) fn young_poisson(&self, law: &'static str) -> Result<(f64, f64), MaterialError> {
+        let (young, poisson) = match (self.young, self.poisson, self.mu, self.lambda) {
+            (Some(young), Some(poisson), None, None) => (young, poisson),
+            (None, None, Some(mu), Some(lambda)) => {
+                if !(mu > 0.0 && mu.is_finite()) {
+                    return Err(MaterialError::ShearModulus(mu));
+                }
+                let lame = Lame { mu, lambda };
+                let bulk = "positive and finite in Pa (it is lambda + 2/3 mu)";
+                validate_positive("the bulk modulus", lame.bulk(), bulk)?;
+                (lame.young(), lame.poisson())
+            }
+            _ => {
+                let sets = "`young` and `poisson`, or `mu` and `lambda`";
+                return Err(MaterialError::ParameterSet { law, sets });
+            }
+        };
+        validate_young_poisson(young, poisson)?;
+        Ok((young, poisson))
+    }
 }

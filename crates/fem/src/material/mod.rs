@@ -2,23 +2,42 @@
 //!
 //! A law gives the energy density `Ψ(F)` (J/m³), the first Piola stress `P = ∂Ψ/∂F` (Pa) and what one linear tetrahedron
 //! adds to the stiffness. All three are derivatives of one energy, also beyond the physical domain (inverted elements).
+//! Every law is linear in two moduli, `Ψ = μ ψ_s + k ψ_b` with the shear modulus `μ` and the bulk modulus `k` at small
+//! strain: [`Law::relaxed`] lowers the first, which is what viscosity acts on.
 //! A new law is one file and one line in `materials!`.
 
 #![allow(non_snake_case)]
 
+pub mod arruda_boyce;
+pub mod bulk;
 pub mod corotational;
 pub mod hyperelastic;
 mod lame;
+pub mod linear;
+pub mod mooney_rivlin;
 pub mod neo_hookean;
+pub mod ogden;
 pub mod principal;
+pub mod st_venant_kirchhoff;
+pub mod stable_neo_hookean;
+pub mod veronda_westmann;
+pub(crate) mod volume;
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 pub use self::{
+    arruda_boyce::ArrudaBoyce,
+    bulk::Bulk,
     corotational::Corotational,
     lame::{Lame, MaterialError},
+    linear::Linear,
+    mooney_rivlin::MooneyRivlin,
     neo_hookean::NeoHookean,
+    ogden::Ogden,
+    st_venant_kirchhoff::StVenantKirchhoff,
+    stable_neo_hookean::StableNeoHookean,
+    veronda_westmann::VerondaWestmann,
 };
 use crate::element::{ElementMatrices, Tetrahedron};
 
@@ -33,6 +52,21 @@ pub trait Law: Copy + Send + Sync {
     /// Lamé parameters of the linear elasticity that the law tends to at small strain.
     fn small_strain(&self) -> Lame;
 
+    /// The law with its shear modulus times `1 - share`, at the same bulk modulus; `share` in `[0, 1)`. The laws are linear
+    /// in both moduli: energy, stress and tangent of the shear part are `(law - law.relaxed(share)) / share`.
+    fn relaxed(&self, share: f64) -> Self;
+
+    /// The law without its bulk term, and that term: `Ψ(F) = rest(F) + U(det F)`. `None` where the law has no term of the
+    /// volume ratio alone that grows with Poisson's ratio.
+    fn without_bulk(&self) -> Option<(Self, Bulk)> {
+        None
+    }
+
+    /// Whether a rotation of the body leaves the energy as it is: every law but the linear one.
+    fn is_frame_indifferent(&self) -> bool {
+        true
+    }
+
     /// Energy density `Ψ(F)` (J/m³), zero at rest.
     fn energy_density(&self, F: &Matrix3<f64>) -> f64;
 
@@ -42,6 +76,19 @@ pub trait Law: Copy + Send + Sync {
     /// Forces and exact tangent of one element with deformed `edges` (m); with `filter`, the nearest positive
     /// semidefinite tangent in the space of `F`. Returns whether the filter changed the tangent.
     fn element(&self, element: &Tetrahedron, edges: &Matrix3<f64>, filter: bool, out: &mut ElementMatrices) -> bool;
+
+    /// [`Law::element`] for the energy `Ψ(F) + p J` under a given `pressure` `p` (Pa, positive in tension). `None` where
+    /// [`Law::without_bulk`] is.
+    fn element_under_pressure(
+        &self,
+        _element: &Tetrahedron,
+        _edges: &Matrix3<f64>,
+        _pressure: f64,
+        _filter: bool,
+        _out: &mut ElementMatrices,
+    ) -> Option<bool> {
+        None
+    }
 
     /// [`Law::element`] for a batch of at most [`BATCH`] elements. `out` is as long as `elements`.
     fn batch(
@@ -161,6 +208,31 @@ macro_rules! materials {
                 match self { $(Self::$variant(law) => law.small_strain()),+ }
             }
 
+            fn relaxed(&self, share: f64) -> Self {
+                match self { $(Self::$variant(law) => Self::$variant(Law::relaxed(law, share))),+ }
+            }
+
+            fn without_bulk(&self) -> Option<(Self, Bulk)> {
+                match self { $(Self::$variant(law) => Law::without_bulk(law).map(|(law, bulk)| (law.into(), bulk))),+ }
+            }
+
+            fn element_under_pressure(
+                &self,
+                element: &Tetrahedron,
+                edges: &Matrix3<f64>,
+                pressure: f64,
+                filter: bool,
+                out: &mut ElementMatrices,
+            ) -> Option<bool> {
+                match self {
+                    $(Self::$variant(law) => law.element_under_pressure(element, edges, pressure, filter, out)),+
+                }
+            }
+
+            fn is_frame_indifferent(&self) -> bool {
+                match self { $(Self::$variant(law) => law.is_frame_indifferent()),+ }
+            }
+
             fn energy_density(&self, F: &Matrix3<f64>) -> f64 {
                 match self { $(Self::$variant(law) => law.energy_density(F)),+ }
             }
@@ -203,4 +275,11 @@ macro_rules! materials {
 materials! {
     NeoHookean = "neo_hookean",
     Corotational = "corotational",
+    Linear = "linear",
+    StVenantKirchhoff = "st_venant_kirchhoff",
+    StableNeoHookean = "stable_neo_hookean",
+    MooneyRivlin = "mooney_rivlin",
+    ArrudaBoyce = "arruda_boyce",
+    VerondaWestmann = "veronda_westmann",
+    Ogden = "ogden",
 }

@@ -7,25 +7,22 @@
 //! ```
 //! with `I1 = tr FᵀF`. `k0` is Lamé's `λ`: at small strain the law is linear elasticity with `(μ, k0)`.
 //!
-//! Departure: `ln J` ends at `J = 0`, which a step of simulation may pass. Below `J0 =` [`EXTENSION_BELOW`] `f` is
-//! continued by its quadratic Taylor polynomial at `J0`. Energy, force and tangent stay derivatives of one function that
-//! is twice continuously differentiable and convex in `J` there, so inverted elements are driven back with a finite
-//! force. Above `J = e` (for `k0 >> μ`) the law itself softens in volume: `f''` turns negative.
+//! Departure: below `J0 =` [`EXTENSION_BELOW`] `f` goes on as its quadratic Taylor polynomial at `J0`, twice continuously
+//! differentiable and convex in `J`, so inverted elements are driven back with a finite force. Above `J = e` (for
+//! `k0 >> μ`) the law itself softens in volume: `f''` turns negative.
 
 #![allow(non_snake_case)]
 
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
+pub use super::volume::EXTENSION_BELOW;
 use super::{
-    Lame, MaterialError,
+    Bulk, Lame, MaterialError,
     hyperelastic::{Hyperelastic, Response, StrainFactor, VolumeFactor},
     lame::validate_young_poisson,
+    volume::logarithmic,
 };
-
-/// Volume ratio below which the volumetric energy is continued by a quadratic. Tissue that is crushed to a fifth of its
-/// volume is beyond any measured law; above, the law is exact.
-pub const EXTENSION_BELOW: f64 = 0.2;
 
 /// Compressible neo-Hookean material. In files either `young` and `poisson`, or `mu` and `k0`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,7 +54,9 @@ impl TryFrom<Parameters> for NeoHookean {
                 Ok(Self { young, poisson })
             }
             (None, None, Some(mu), Some(k0)) => Self::from_moduli(mu, k0),
-            _ => Err(MaterialError::ParameterPair),
+            _ => {
+                Err(MaterialError::ParameterSet { law: "neo_hookean", sets: "`young` and `poisson`, or `mu` and `k0`" })
+            }
         }
     }
 }
@@ -94,6 +93,16 @@ impl Hyperelastic for NeoHookean {
         Lame::from_young_poisson(self.young, self.poisson)
     }
 
+    fn relaxed(&self, share: f64) -> Self {
+        let lame = Hyperelastic::small_strain(self).relaxed(share);
+        Self { young: lame.young(), poisson: lame.poisson() }
+    }
+
+    fn without_bulk(&self) -> Option<(Self, Bulk)> {
+        let Lame { mu, lambda } = Hyperelastic::small_strain(self);
+        Some((Self { young: 2.0 * mu, poisson: 0.0 }, Bulk::Logarithmic { modulus: lambda }))
+    }
+
     #[inline]
     fn response(&self, C: &Matrix3<f64>, J: f64) -> Response {
         let Lame { mu, lambda: k0 } = self.small_strain();
@@ -105,30 +114,7 @@ impl Hyperelastic for NeoHookean {
         };
         let mut response = Response::default();
         response.add(&VolumeFactor::ONE, &shear);
-        response.add_volume(&volume(mu, k0, J));
+        response.add_volume(&logarithmic(mu, k0, J));
         response
-    }
-}
-
-/// `f, f', f''` of the volumetric term, with its extension.
-#[inline]
-fn volume(mu: f64, k0: f64, J: f64) -> VolumeFactor {
-    let at = if J > EXTENSION_BELOW { J } else { EXTENSION_BELOW };
-    let ln = at.ln();
-    let inverse = at.recip();
-    let factor = VolumeFactor {
-        value: (0.5 * k0 * ln - mu) * ln,
-        first: (k0 * ln - mu) * inverse,
-        second: (k0 * (1.0 - ln) + mu) * inverse * inverse,
-    };
-    if J > EXTENSION_BELOW {
-        return factor;
-    }
-    // Also reached by NaN, which then spreads and is reported.
-    let d = J - EXTENSION_BELOW;
-    VolumeFactor {
-        value: factor.value + d * (factor.first + 0.5 * d * factor.second),
-        first: factor.first + d * factor.second,
-        second: factor.second,
     }
 }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use nalgebra::Vector3;
 
 use super::{At, MeshError, TetMesh, corners, signed_volume};
+use crate::element::{QuadraticTetrahedron, quadratic::EDGES};
 
 /// A tetrahedron is flat if |V| is below this fraction of the cube of its longest edge. The gradients of the shape
 /// functions are then so large that a strain keeps fewer than four of its sixteen digits.
@@ -44,6 +45,7 @@ pub(crate) fn check(mesh: &TetMesh, from: &Provenance) -> Result<(), MeshError> 
     check_duplicates(mesh, from)?;
     check_volumes(mesh, from)?;
     check_faces(mesh, from)?;
+    check_mid_nodes(mesh, from)?;
     check_unused(mesh, from)
 }
 
@@ -58,6 +60,9 @@ fn check_lists(mesh: &TetMesh, from: &Provenance) -> Result<(), MeshError> {
     let (tetrahedra, regions) = (mesh.tetrahedra.len(), mesh.regions.len());
     if regions != tetrahedra {
         return inconsistent(format!("{tetrahedra} tetrahedra, but regions for {regions}"));
+    }
+    if mesh.is_quadratic() && mesh.mid_nodes.len() != tetrahedra {
+        return inconsistent(format!("{tetrahedra} tetrahedra, but mid-nodes for {}", mesh.mid_nodes.len()));
     }
     let names = mesh.region_names.len();
     if let Some(t) = mesh.regions.iter().position(|&region| region as usize >= names) {
@@ -85,7 +90,8 @@ fn check_indices(mesh: &TetMesh, from: &Provenance) -> Result<(), MeshError> {
     let nodes = mesh.nodes.len();
     let out = |node: &u32| *node as usize >= nodes;
     for (t, tetrahedron) in mesh.tetrahedra.iter().enumerate() {
-        if let Some(&node) = tetrahedron.iter().find(|node| out(node)) {
+        let mids = mesh.mid_nodes.get(t).into_iter().flatten();
+        if let Some(&node) = tetrahedron.iter().chain(mids).find(|node| out(node)) {
             let what = format!("tetrahedron {t}");
             return Err(MeshError::NodeOutOfRange { at: from.tetrahedron(t), what, node: node.into(), nodes });
         }
@@ -192,6 +198,45 @@ fn check_faces(mesh: &TetMesh, from: &Provenance) -> Result<(), MeshError> {
     let Some((later, earlier, face)) = first else { return Ok(()) };
     let (tetrahedron, other) = (later as usize, earlier as usize);
     Err(MeshError::Overlap { at: from.tetrahedron(tetrahedron), tetrahedron, other, face })
+}
+
+/// Every edge has one mid-node, which is no corner and belongs to no other edge, and no element is folded by its own.
+fn check_mid_nodes(mesh: &TetMesh, from: &Provenance) -> Result<(), MeshError> {
+    // Edge and mid-node of every element, equal ones side by side.
+    let mut edges: Vec<((u32, u32), u32, u32)> = Vec::with_capacity(6 * mesh.mid_nodes.len());
+    for (t, (corners, mids)) in (0..).zip(mesh.tetrahedra.iter().zip(&mesh.mid_nodes)) {
+        for ((a, b), &mid) in EDGES.iter().map(|&(a, b)| (corners[a], corners[b])).zip(mids) {
+            edges.push(((a.min(b), a.max(b)), mid, t));
+        }
+    }
+    edges.sort_unstable();
+    let mut edge_of_node: Vec<Option<(u32, u32)>> = vec![None; mesh.nodes.len()];
+    let shared = |tetrahedron: u32, what: String| {
+        let tetrahedron = tetrahedron as usize;
+        Err(MeshError::MidNodeShared { at: from.tetrahedron(tetrahedron), tetrahedron, what })
+    };
+    for group in edges.chunk_by(|x, y| x.0 == y.0) {
+        let ((a, b), node, _) = group[0];
+        if let Some(&(_, other, t)) = group.iter().find(|entry| entry.1 != node) {
+            return shared(t, format!("the edge between nodes {a} and {b} has the mid-nodes {node} and {other}"));
+        }
+        if let Some((c, d)) = edge_of_node[node as usize].replace((a, b)) {
+            return shared(group[0].2, format!("node {node} is mid-node of the edges {a}-{b} and {c}-{d}"));
+        }
+    }
+    let corner = (0..).zip(&mesh.tetrahedra).find_map(|(t, corners)| {
+        corners.iter().find(|&&node| edge_of_node[node as usize].is_some()).map(|&node| (t, node))
+    });
+    if let Some((t, node)) = corner {
+        return shared(t, format!("node {node} is a corner here and a mid-node elsewhere"));
+    }
+    for tetrahedron in 0..mesh.mid_nodes.len() {
+        let Some(nodes) = mesh.ten_nodes(tetrahedron) else { continue };
+        if let Err(fault) = QuadraticTetrahedron::new(nodes, &mesh.nodes) {
+            return Err(MeshError::MidNode { at: from.tetrahedron(tetrahedron), tetrahedron, fault });
+        }
+    }
+    Ok(())
 }
 
 fn check_unused(mesh: &TetMesh, from: &Provenance) -> Result<(), MeshError> {

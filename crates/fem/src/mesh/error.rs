@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use crate::element::quadratic::MidNodeError;
+
 /// A place in a mesh file. Lines count from one and are known for text formats only.
 ///
 /// A mesh that was built in memory has neither file nor line, and is called "mesh" in messages.
@@ -87,9 +89,9 @@ pub enum MeshError {
         /// What the file holds.
         what: String,
     },
-    /// Solid cells that are not linear tetrahedra.
+    /// Solid cells that are not tetrahedra of first or second order.
     #[error(
-        "{at}: {cells} cannot be simulated, only linear tetrahedra are; split or re-mesh them into linear tetrahedra"
+        "{at}: {cells} cannot be simulated, only linear tetrahedra and quadratic tetrahedra are; split or re-mesh them"
     )]
     UnsupportedCells {
         /// The first such cell.
@@ -188,6 +190,26 @@ pub enum MeshError {
         earlier: usize,
         /// How many are repeated.
         duplicates: usize,
+    },
+    /// A mid-node that lies wrong within its quadratic tetrahedron.
+    #[error("{at}: tetrahedron {tetrahedron}: {fault}")]
+    MidNode {
+        /// The place.
+        at: At,
+        /// The tetrahedron.
+        tetrahedron: usize,
+        /// What is wrong.
+        fault: MidNodeError,
+    },
+    /// Quadratic tetrahedra whose mid-nodes do not fit together.
+    #[error("{at}: tetrahedron {tetrahedron}: {what}; every edge needs one mid-node of its own, write the mesh again")]
+    MidNodeShared {
+        /// The place.
+        at: At,
+        /// The tetrahedron.
+        tetrahedron: usize,
+        /// Which nodes.
+        what: String,
     },
     /// Tetrahedra that lie on the same side of a common face: they overlap.
     #[error(

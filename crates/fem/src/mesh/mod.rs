@@ -2,6 +2,7 @@
 
 mod check;
 mod error;
+mod promotion;
 pub mod quality;
 
 use std::collections::BTreeMap;
@@ -21,8 +22,11 @@ use crate::surface::Surface;
 pub struct TetMesh {
     /// Positions of the nodes (m).
     pub nodes: Vec<Vector3<f64>>,
-    /// Four nodes per tetrahedron, counted from zero.
+    /// Four nodes per tetrahedron, its corners, counted from zero.
     pub tetrahedra: Vec<[u32; 4]>,
+    /// Six mid-nodes per tetrahedron, between the corners 01, 12, 02, 03, 13, 23 (VTK's order), or none at all: then
+    /// the mesh is of linear tetrahedra. Volumes, angles and faces are those of the straight tetrahedra over the corners.
+    pub mid_nodes: Vec<[u32; 6]>,
     /// Region of each tetrahedron: an index into `region_names`.
     pub regions: Vec<u16>,
     /// Names of the regions, for materials.
@@ -136,7 +140,7 @@ impl TetMesh {
         let renumber = |node: u32| renumbered.get(node as usize).copied().flatten();
         let mut keep = used.iter();
         self.nodes.retain(|_| keep.next().copied().unwrap_or(false));
-        for node in self.tetrahedra.iter_mut().flatten() {
+        for node in self.tetrahedra.iter_mut().flatten().chain(self.mid_nodes.iter_mut().flatten()) {
             *node = renumber(*node).unwrap_or(*node);
         }
         for set in self.node_sets.values_mut() {
@@ -148,7 +152,7 @@ impl TetMesh {
     /// Whether some tetrahedron uses each node.
     pub(crate) fn used_nodes(&self) -> Vec<bool> {
         let mut used = vec![false; self.nodes.len()];
-        for &node in self.tetrahedra.iter().flatten() {
+        for &node in self.tetrahedra.iter().flatten().chain(self.mid_nodes.iter().flatten()) {
             if let Some(used) = used.get_mut(node as usize) {
                 *used = true;
             }
@@ -162,9 +166,12 @@ impl TetMesh {
     /// tetrahedra of negative volume lie inside others: turned round, they count that space twice.
     pub fn reorient(&mut self) -> usize {
         let mut turned = 0;
-        for t in &mut self.tetrahedra {
+        for (k, t) in self.tetrahedra.iter_mut().enumerate() {
             if signed_volume(&corners(&self.nodes, *t)) < 0.0 {
                 t.swap(2, 3);
+                if let Some(mids) = self.mid_nodes.get_mut(k) {
+                    promotion::swap_last_corners(mids);
+                }
                 turned += 1;
             }
         }

@@ -6,6 +6,8 @@ use nalgebra::Vector3;
 use thiserror::Error;
 
 use crate::{
+    averaging::Grouping,
+    element::{ElementKind, quadratic::MidNodeError},
     material::{Law, Material, MaterialError, NeoHookean},
     mesh::TetMesh,
 };
@@ -17,6 +19,10 @@ pub const MAX_STIFFNESS_RATIO: f64 = 1e4;
 /// Choices for one soft body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FemConfig {
+    /// The kind of all elements; quadratic ones need a mesh with mid-nodes. Default: linear.
+    pub element: ElementKind,
+    /// How averaged elements are grouped. Default: by nodes.
+    pub grouping: Grouping,
     /// Material of the regions that `region_materials` does not name. Default: neo-Hookean, 5 kPa, 0.45 (soft liver).
     pub material: Material,
     /// Material by region name. Default: none.
@@ -44,6 +50,8 @@ pub struct FemConfig {
 impl Default for FemConfig {
     fn default() -> Self {
         Self {
+            element: ElementKind::Linear,
+            grouping: Grouping::Nodes,
             material: NeoHookean { young: 5e3, poisson: 0.45 }.into(),
             region_materials: BTreeMap::new(),
             density: 1060.0,
@@ -91,6 +99,41 @@ pub enum FemError {
         tetrahedron: usize,
         /// Its volume (m³).
         volume: f64,
+    },
+    /// Averaged elements of a law that has no bulk term to average.
+    #[error(
+        "averaged elements need a law with a bulk term U(J), which {law} does not have: use `neo_hookean` or another          hyperelastic law with one, or quadratic elements"
+    )]
+    NoBulk {
+        /// Name of the law.
+        law: &'static str,
+    },
+    /// The mesh and the elements have different nodes.
+    #[error(
+        "elements are {}, but the mesh has mid-nodes on {mid_nodes} tetrahedra: {}", kind.name(),
+        if *mid_nodes == 0 { "add them with `TetMesh::promoted`" } else { "remove them with `TetMesh::linear`" }
+    )]
+    Order {
+        /// The kind of elements.
+        kind: ElementKind,
+        /// Tetrahedra with mid-nodes.
+        mid_nodes: usize,
+    },
+    /// The mesh does not name six mid-nodes per tetrahedron.
+    #[error("the mesh has {tetrahedra} tetrahedra but mid-nodes for {mid_nodes}: six per tetrahedron, or none at all")]
+    MidNodeCount {
+        /// Tetrahedra of the mesh.
+        tetrahedra: usize,
+        /// Tetrahedra with mid-nodes.
+        mid_nodes: usize,
+    },
+    /// A mid-node spoils its element.
+    #[error("tetrahedron {tetrahedron}: {error}")]
+    MidNode {
+        /// The tetrahedron.
+        tetrahedron: usize,
+        /// What is wrong.
+        error: MidNodeError,
     },
     /// The mesh does not name one region per tetrahedron.
     #[error("the mesh has {tetrahedra} tetrahedra but {regions} region labels: one per tetrahedron, or none at all")]

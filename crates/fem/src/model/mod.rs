@@ -1,16 +1,19 @@
 //! Description and state of a soft body.
 
 mod config;
+mod elements;
 
 use std::{ops::Range, sync::Arc};
 
 use nalgebra::Vector3;
 
 pub use self::config::{FemConfig, FemError, MAX_STIFFNESS_RATIO};
+use self::elements::Elements;
 use crate::{
     assembly::ScatterLists,
-    element::Tetrahedron,
-    material::{BATCH, Law, Material},
+    averaging::{Averaging, Groups, cliques},
+    element::{ElementKind, QuadraticTetrahedron, Tetrahedron, quadratic::POINTS},
+    material::{BATCH, Bulk, Law, Material},
     mesh::TetMesh,
     sparse::{BlockPattern, FIXED},
 };
@@ -31,11 +34,20 @@ pub(crate) struct Batch {
     pub(crate) material: Material,
 }
 
+impl Batch {
+    /// The batch's part of a list over all elements; nothing where the list is shorter.
+    pub(crate) fn of<'a, T>(&self, list: &'a [T]) -> &'a [T] {
+        list.get(self.elements.clone()).unwrap_or_default()
+    }
+}
+
 /// The description of a soft body: never changes after set-up.
 #[derive(Clone, Debug)]
 pub struct FemModel {
     q_rest: Vec<Vector3<f64>>,
+    kind: ElementKind,
     elements: Vec<Tetrahedron>,
+    quadratic: Vec<QuadraticTetrahedron>,
     free_tetrahedra: Vec<[u32; 4]>,
     mesh_tetrahedron: Vec<u32>,
     batches: Vec<Batch>,
@@ -44,6 +56,7 @@ pub struct FemModel {
     node_of_free: Vec<u32>,
     pattern: Arc<BlockPattern>,
     scatter: ScatterLists,
+    averaging: Option<Averaging>,
     gravity: Vector3<f64>,
     rayleigh_mass: f64,
     rayleigh_stiffness: f64,
@@ -62,28 +75,14 @@ impl FemModel {
         let region_of = |t: usize| mesh.regions.get(t).map_or(0, |&r| r as usize);
 
         // Elements of one material lie together, in mesh order within it.
-        let (materials, material_of_region) = distinct_materials(&regions);
+        let (mut materials, material_of_region) = distinct_materials(&regions);
         let mut order: Vec<u32> = (0..mesh.tetrahedra.len() as u32).collect();
         order.sort_by_key(|&t| material_of_region[region_of(t as usize)]);
         check_stiffness_ratio(order.iter().map(|&t| &regions[region_of(t as usize)].0))?;
 
-        let mut elements = Vec::with_capacity(order.len());
-        let mut mass = vec![0.0; mesh.nodes.len()];
-        let mut connected = vec![false; mesh.nodes.len()];
-        for &t in &order {
-            let nodes = mesh.tetrahedra[t as usize];
-            let element = Tetrahedron::new(nodes, &mesh.nodes)
-                .ok_or_else(|| FemError::Volume { tetrahedron: t as usize, volume: volume(mesh, t as usize) })?;
-            let share = 0.25 * regions[region_of(t as usize)].1 * element.volume;
-            for i in nodes {
-                mass[i as usize] += share;
-                connected[i as usize] = true;
-            }
-            elements.push(element);
-        }
-        if let Some(node) = connected.iter().position(|&c| !c) {
-            return Err(FemError::Unconnected { node: node as u32 });
-        }
+        let densities: Vec<f64> = regions.iter().map(|r| r.1).collect();
+        let Elements { tetrahedra: elements, quadratic, mut mass } =
+            Elements::new(mesh, &order, config.element, |t| densities[region_of(t as usize)])?;
         if let Some(total) = config.total_mass {
             mass.fill(total / mesh.nodes.len() as f64);
         }
@@ -95,14 +94,35 @@ impl FemModel {
         if config.fixed.is_empty() && mass.iter().all(|&m| m == 0.0) {
             return Err(FemError::Unsupported);
         }
-        let free_tetrahedra: Vec<[u32; 4]> =
-            elements.iter().map(|e| e.nodes.map(|i| free_of_node[i as usize])).collect();
-        let pattern = Arc::new(BlockPattern::from_elements(node_of_free.len(), &free_tetrahedra));
-        let scatter = ScatterLists::new(&pattern, &elements, &free_tetrahedra, mesh.nodes.len());
-        let batches = batches(order.iter().map(|&t| material_of_region[region_of(t as usize)]), &materials);
+        let corners: Vec<[u32; 4]> = elements.iter().map(|e| e.nodes).collect();
+        let free_tetrahedra: Vec<[u32; 4]> = corners.iter().map(|e| e.map(|i| free_of_node[i as usize])).collect();
+        let ten_nodes: Vec<[u32; 10]> = quadratic.iter().map(|e| e.nodes).collect();
+        let free = node_of_free.len();
+        let mut averaging = None;
+        let (pattern, scatter) = match config.element {
+            ElementKind::Linear => lists(&corners, &[], &free_of_node, free),
+            ElementKind::Quadratic => lists(&ten_nodes, &[], &free_of_node, free),
+            ElementKind::Averaged => {
+                let of_element: Vec<usize> = order.iter().map(|&t| material_of_region[region_of(t as usize)]).collect();
+                let runs = runs(&of_element);
+                let bulk_of_run = split_bulk(&mut materials, &of_element, &runs)?;
+                let groups = Groups::new(config.grouping, &corners, &runs);
+                let run_of = |e: u32| runs.partition_point(|run| run.end <= e as usize);
+                let bulk = groups.members.iter().map(|m| bulk_of_run[run_of(m[0])]).collect();
+                let cliques = cliques(&groups, &corners, &free_of_node);
+                let (pattern, scatter) = lists(&corners, &cliques, &free_of_node, free);
+                let lists = Averaging::new(groups, bulk, &cliques, &elements, &free_of_node, &pattern, &scatter);
+                averaging = Some(lists);
+                (pattern, scatter)
+            }
+        };
+        let size = batch_size(config.element);
+        let batches = batches(order.iter().map(|&t| material_of_region[region_of(t as usize)]), &materials, size);
         Ok(Self {
             q_rest: mesh.nodes.clone(),
+            kind: config.element,
             elements,
+            quadratic,
             free_tetrahedra,
             mesh_tetrahedron: order,
             batches,
@@ -111,6 +131,7 @@ impl FemModel {
             node_of_free,
             pattern,
             scatter,
+            averaging,
             gravity: config.gravity,
             rayleigh_mass: config.rayleigh_mass,
             rayleigh_stiffness: config.rayleigh_stiffness,
@@ -138,12 +159,23 @@ impl FemModel {
         &self.q_rest
     }
 
-    /// Elements, grouped by material. [`FemModel::mesh_tetrahedron`] gives their place in the mesh.
+    /// The kind of all elements.
+    pub fn element_kind(&self) -> ElementKind {
+        self.kind
+    }
+
+    /// Elements, grouped by material; of a quadratic body the straight tetrahedra over their corners.
+    /// [`FemModel::mesh_tetrahedron`] gives their place in the mesh.
     pub fn elements(&self) -> &[Tetrahedron] {
         &self.elements
     }
 
-    /// Free nodes of each element, [`FIXED`] where a node is fixed.
+    /// The elements of a quadratic body, in the order of [`FemModel::elements`]; empty for other kinds.
+    pub fn quadratic_elements(&self) -> &[QuadraticTetrahedron] {
+        &self.quadratic
+    }
+
+    /// Free nodes at the corners of each element, [`FIXED`] where a node is fixed.
     pub fn free_tetrahedra(&self) -> &[[u32; 4]] {
         &self.free_tetrahedra
     }
@@ -153,7 +185,17 @@ impl FemModel {
         &self.mesh_tetrahedron
     }
 
-    /// Lumped mass of every node (kg).
+    /// Rest volume (m³).
+    pub fn volume(&self) -> f64 {
+        match self.kind {
+            ElementKind::Quadratic => self.quadratic.iter().map(QuadraticTetrahedron::volume).sum(),
+            _ => self.elements.iter().map(|e| e.volume).sum(),
+        }
+    }
+
+    /// Lumped mass of every node (kg), positive. Weight acts as these masses times gravity, so that a free fall is free
+    /// of strain; on quadratic elements that differs from the consistent load by forces within each element that add up to
+    /// nothing, which leave a strain of the order of the weight of one layer of elements.
     pub fn mass(&self) -> &[f64] {
         &self.mass
     }
@@ -197,6 +239,15 @@ impl FemModel {
         &self.batches
     }
 
+    /// Most elements of a batch.
+    pub(crate) fn batch_size(&self) -> usize {
+        batch_size(self.kind)
+    }
+
+    pub(crate) fn averaging(&self) -> Option<&Averaging> {
+        self.averaging.as_ref()
+    }
+
     pub(crate) fn scatter(&self) -> &ScatterLists {
         &self.scatter
     }
@@ -212,7 +263,8 @@ fn check_topology(mesh: &TetMesh) -> Result<(), FemError> {
         return Err(FemError::TooLarge { nodes, tetrahedra, limit: ScatterLists::MAX_ELEMENTS });
     }
     for (tetrahedron, element) in mesh.tetrahedra.iter().enumerate() {
-        if let Some(&node) = element.iter().find(|&&i| i as usize >= nodes) {
+        let mids = mesh.mid_nodes.get(tetrahedron);
+        if let Some(&node) = element.iter().chain(mids.into_iter().flatten()).find(|&&i| i as usize >= nodes) {
             return Err(FemError::NodeOutOfRange { tetrahedron, node, nodes });
         }
     }
@@ -228,10 +280,24 @@ fn check_topology(mesh: &TetMesh) -> Result<(), FemError> {
     Ok(())
 }
 
-/// Volume of a tetrahedron of the mesh (m³).
-fn volume(mesh: &TetMesh, t: usize) -> f64 {
-    let [a, b, c, d] = mesh.tetrahedra[t].map(|i| mesh.nodes[i as usize]);
-    (b - a).cross(&(c - a)).dot(&(d - a)) / 6.0
+/// Most elements of a batch: as many points of quadrature whatever the kind.
+fn batch_size(kind: ElementKind) -> usize {
+    if kind == ElementKind::Quadratic { BATCH / POINTS } else { BATCH }
+}
+
+/// Pattern over the free nodes, and the lists that fill it from elements over the given nodes; `cliques` of free nodes are
+/// coupled as well.
+fn lists<const N: usize>(
+    elements: &[[u32; N]],
+    cliques: &[Vec<u32>],
+    free_of_node: &[u32],
+    free_nodes: usize,
+) -> (Arc<BlockPattern>, ScatterLists) {
+    let free: Vec<[u32; N]> = elements.iter().map(|e| e.map(|i| free_of_node[i as usize])).collect();
+    let coupled = free.iter().map(<[u32; N]>::as_slice).chain(cliques.iter().map(Vec::as_slice));
+    let pattern = BlockPattern::from_cliques(free_nodes, coupled);
+    let scatter = ScatterLists::new(&pattern, elements, free_of_node);
+    (Arc::new(pattern), scatter)
 }
 
 /// The materials that differ, and the material of each region.
@@ -247,6 +313,27 @@ fn distinct_materials(regions: &[(Material, f64)]) -> (Vec<Material>, Vec<usize>
         })
         .collect();
     (materials, of_region)
+}
+
+/// Runs of elements of one material.
+fn runs(material_of_element: &[usize]) -> Vec<Range<usize>> {
+    let mut start = 0;
+    let run = |run: &[usize]| {
+        start += run.len();
+        start - run.len()..start
+    };
+    material_of_element.chunk_by(|a, b| a == b).map(run).collect()
+}
+
+/// Takes the bulk terms out of the materials that elements have; returns them by run.
+fn split_bulk(materials: &mut [Material], of_element: &[usize], runs: &[Range<usize>]) -> Result<Vec<Bulk>, FemError> {
+    let split = |run: &Range<usize>| {
+        let material = &mut materials[of_element[run.start]];
+        let (rest, bulk) = material.without_bulk().ok_or(FemError::NoBulk { law: material.name() })?;
+        *material = rest;
+        Ok(bulk)
+    };
+    runs.iter().map(split).collect()
 }
 
 fn check_stiffness_ratio<'a>(materials: impl Iterator<Item = &'a Material>) -> Result<(), FemError> {
@@ -274,12 +361,12 @@ fn number_free_nodes(nodes: usize, fixed: &[u32]) -> (Vec<u32>, Vec<u32>) {
 }
 
 /// Runs of one material, cut into batches. `material_of_element` is grouped.
-fn batches(material_of_element: impl Iterator<Item = usize>, materials: &[Material]) -> Vec<Batch> {
+fn batches(material_of_element: impl Iterator<Item = usize>, materials: &[Material], size: usize) -> Vec<Batch> {
     let mut batches: Vec<Batch> = Vec::new();
     let mut last = usize::MAX;
     for (e, m) in material_of_element.enumerate() {
         match batches.last_mut() {
-            Some(batch) if m == last && batch.elements.len() < BATCH => batch.elements.end = e + 1,
+            Some(batch) if m == last && batch.elements.len() < size => batch.elements.end = e + 1,
             _ => batches.push(Batch { elements: e..e + 1, material: materials[m] }),
         }
         last = m;

@@ -24,6 +24,7 @@ pub(crate) fn cube() -> TetMesh {
         regions: vec![0, 1, 0, 1, 1, 0],
         region_names: vec!["soft tissue".to_string(), "lesion".to_string()],
         node_sets: [("left".to_string(), vec![0, 2, 4, 6])].into(),
+        ..TetMesh::default()
     }
 }
 

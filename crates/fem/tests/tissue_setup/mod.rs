@@ -4,7 +4,8 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 use palpate_fem::{
     assembly::{Coefficients, FemWorkspace, assemble_with},
-    material::Material,
+    element::ElementKind,
+    material::{Law, Material},
     mesh::TetMesh,
     model::{FemModel, FemState},
 };
@@ -164,4 +165,16 @@ pub(crate) fn conjugate_gradients(ws: &FemWorkspace, b: &[f64], relative: f64) -
         rho = next;
     }
     x
+}
+
+/// The mesh as elements of this kind need it.
+pub(crate) fn mesh_for(mesh: &TetMesh, kind: ElementKind) -> TetMesh {
+    if kind == ElementKind::Quadratic { mesh.promoted() } else { mesh.clone() }
+}
+
+/// Every registered law that elements of this kind can be made of, with the same small-strain parameters.
+pub(crate) fn laws_for(kind: ElementKind, young: f64, poisson: f64) -> Vec<Material> {
+    let mut laws = all_materials(young, poisson);
+    laws.retain(|law| kind != ElementKind::Averaged || law.without_bulk().is_some());
+    laws
 }

@@ -1,0 +1,119 @@
+//! The elements' forces and blocks, computed batch by batch and summed over the body.
+
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+use super::{AssemblyReport, FemWorkspace, ROWS, ScatterLists};
+use crate::{
+    element::{
+        ElementKind, ElementMatrices, NodalShares, Tetrahedron,
+        quadratic::{QuadraticMatrices, quadratic_batch},
+    },
+    material::{BatchReport, Law, Material},
+    model::{Batch, FemModel, FemState},
+};
+
+/// Computes all elements and sums them into `ws.upper` and `ws.f_int`.
+pub(super) fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) -> AssemblyReport {
+    let (q, filter) = (&state.q, ws.filter);
+    let parallel = !ws.slot.is_empty() && rayon::current_num_threads() > 1;
+    if let Some(groups) = model.averaging() {
+        groups.pressures(model.elements(), q, filter, parallel, &mut ws.averaging);
+    }
+    let pressures = &ws.averaging.pressures;
+    let sums = Sums {
+        batches: model.batches(),
+        size: model.batch_size(),
+        scatter: model.scatter(),
+        slot: &ws.slot,
+        parallel,
+        upper: &mut ws.upper,
+        f_int: &mut ws.f_int,
+    };
+    let report = match model.element_kind() {
+        ElementKind::Linear => sums.fill(&mut ws.results, |batch, results: &mut [ElementMatrices]| {
+            batch.material.batch(batch.of(model.elements()), q, filter, results)
+        }),
+        ElementKind::Quadratic => sums.fill(&mut ws.quadratic_results, |batch, results: &mut [QuadraticMatrices]| {
+            quadratic_batch(&batch.material, batch.of(model.quadratic_elements()), q, filter, results)
+        }),
+        ElementKind::Averaged => sums.fill(&mut ws.results, |batch, results: &mut [ElementMatrices]| {
+            pressure_batch(&batch.material, batch.of(model.elements()), batch.of(pressures), q, filter, results)
+        }),
+    };
+    if let Some(groups) = model.averaging() {
+        groups.add_blocks(model.elements(), q, parallel, &mut ws.averaging, &mut ws.upper);
+    }
+    AssemblyReport::new(report, model)
+}
+
+/// Forces and exact tangents of elements under pressures, as [`Law::batch`].
+fn pressure_batch(
+    law: &Material,
+    elements: &[Tetrahedron],
+    pressures: &[f64],
+    q: &[Vector3<f64>],
+    filter: bool,
+    out: &mut [ElementMatrices],
+) -> BatchReport {
+    let mut report = BatchReport::default();
+    for (k, ((element, &pressure), out)) in elements.iter().zip(pressures).zip(out).enumerate() {
+        let edges = element.edges(q);
+        // Set-up takes only laws that have an answer.
+        let filtered = law.element_under_pressure(element, &edges, pressure, filter, out).unwrap_or_default();
+        report.note(k as u32, edges.determinant() / (6.0 * element.volume), filtered, out.is_finite());
+    }
+    report
+}
+
+/// What the results of the elements are summed into, and by which lists.
+struct Sums<'a> {
+    batches: &'a [Batch],
+    /// Results that a batch may have.
+    size: usize,
+    scatter: &'a ScatterLists,
+    /// Slot of each element among the results; empty on one thread.
+    slot: &'a [u32],
+    parallel: bool,
+    upper: &'a mut [Matrix3<f64>],
+    f_int: &'a mut [Vector3<f64>],
+}
+
+impl Sums<'_> {
+    /// Sums what `compute` puts into the results of each batch.
+    fn fill<R: NodalShares + Send + Sync>(
+        self,
+        results: &mut [R],
+        compute: impl Fn(&Batch, &mut [R]) -> BatchReport + Sync,
+    ) -> BatchReport {
+        let compute = |batch: &Batch, results: &mut [R]| {
+            compute(batch, &mut results[..batch.elements.len()]).shifted(batch.elements.start as u32)
+        };
+        let Self { batches, size, scatter, slot, parallel, upper, f_int } = self;
+        if !parallel {
+            upper.fill(Matrix3::zeros());
+            f_int.fill(Vector3::zeros());
+            let mut report = BatchReport::default();
+            for batch in batches {
+                report = report.merged(compute(batch, results));
+                scatter.scatter(batch.elements.start, &results[..batch.elements.len()], upper, f_int);
+            }
+            return report;
+        }
+        let report = (results.par_chunks_mut(size).zip(batches))
+            .map(|(results, batch)| compute(batch, results))
+            .reduce(BatchReport::default, BatchReport::merged);
+        let results = &*results;
+        upper.par_chunks_mut(8 * ROWS).enumerate().for_each(|(chunk, upper)| {
+            for (k, block) in upper.iter_mut().enumerate() {
+                *block = scatter.gather_block(8 * ROWS * chunk + k, results, slot);
+            }
+        });
+        f_int.par_chunks_mut(ROWS).enumerate().for_each(|(chunk, f_int)| {
+            for (k, f) in f_int.iter_mut().enumerate() {
+                *f = scatter.gather_force(ROWS * chunk + k, results, slot);
+            }
+        });
+        report
+    }
+}

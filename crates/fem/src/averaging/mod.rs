@@ -1,0 +1,265 @@
+//! Averaged dilatation: linear tetrahedra without volumetric locking.
+//!
+//! A law is split into `Ψ(F) = rest(F) + U(J)` ([`Law::without_bulk`]), and `U` sees the mean volume ratio of a group of
+//! elements instead of each element's own. With element volumes `v_e` (m³, of the deformed element), rest volumes `V_e` and
+//! shares `w_ge`, `Σ_g w_ge = 1`,
+//! ```text
+//! E = Σ_e V_e rest(F_e) + Σ_g V_g U(J_g),      V_g = Σ_e w_ge V_e,   J_g = Σ_e w_ge v_e / V_g
+//! f_i = -Σ_e (V_e ∂rest/∂q_i + p_e ∂v_e/∂q_i),                       p_e = Σ_g w_ge U'(J_g)
+//! K_ij = Σ_e (V_e ∂²rest/∂q_i∂q_j + p_e ∂²v_e/∂q_i∂q_j) + Σ_g U''(J_g) / V_g a_gi a_gjᵀ,   a_gi = Σ_e w_ge ∂v_e/∂q_i
+//! ```
+//! Forces and tangent are derivatives of one energy; the tangent is symmetric, and uniform strain is exact. The element
+//! part is an ordinary element under the pressure `p_e` ([`Law::element_under_pressure`]); the filter treats it as such and
+//! drops groups with `U'' < 0`. The group part couples all nodes of a group.
+
+#![allow(non_snake_case)]
+
+mod groups;
+
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+pub use self::groups::Grouping;
+pub(crate) use self::groups::Groups;
+#[allow(unused_imports)] // named in the documentation
+use crate::material::Law;
+use crate::{
+    assembly::ScatterLists,
+    element::Tetrahedron,
+    material::Bulk,
+    rotation::cofactor,
+    sparse::{BlockPattern, FIXED},
+};
+
+/// Entries that one task handles.
+const CHUNK: usize = 256;
+
+/// Ranges into a list of values.
+#[derive(Clone, Debug, PartialEq)]
+struct Table<T> {
+    start: Vec<u32>,
+    values: Vec<T>,
+}
+
+impl<T> Table<T> {
+    fn new(rows: impl Iterator<Item = Vec<T>>) -> Self {
+        let mut table = Self { start: vec![0], values: Vec::new() };
+        for row in rows {
+            table.values.extend(row);
+            table.start.push(table.values.len() as u32);
+        }
+        table
+    }
+
+    fn row(&self, i: usize) -> &[T] {
+        &self.values[self.start[i] as usize..self.start[i + 1] as usize]
+    }
+
+    fn rows(&self) -> usize {
+        self.start.len() - 1
+    }
+}
+
+/// The groups of a body and where their blocks go: description.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Averaging {
+    share: f64,
+    /// Elements of each group.
+    members: Table<u32>,
+    /// Groups of each element.
+    groups_of: Table<u32>,
+    /// Rest volume of each group (m³).
+    volume: Vec<f64>,
+    bulk: Vec<Bulk>,
+    /// Group of each entry; an entry is a free node of a group.
+    group_of_entry: Vec<u32>,
+    /// Elements of the group around the entry's node: `element << 2 | local node`.
+    sources: Table<u32>,
+    /// For each upper block the pairs of entries that add to it: row, column.
+    pairs: Table<[u32; 2]>,
+}
+
+/// Scratch of the groups.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct AveragingWorkspace {
+    /// Volume of each element (m³).
+    volumes: Vec<f64>,
+    /// `∂v/∂q` of the nodes 1, 2, 3 of each element as columns (m²).
+    gradients: Vec<Matrix3<f64>>,
+    /// `U'` (Pa) and `U'' / V` (Pa/m³) of each group.
+    slopes: Vec<[f64; 2]>,
+    /// `p_e` (Pa).
+    pub(crate) pressures: Vec<f64>,
+    /// `a` of each entry (m²).
+    areas: Vec<Vector3<f64>>,
+}
+
+/// The free nodes of each group, ascending: they are all coupled.
+pub(crate) fn cliques(groups: &Groups, elements: &[[u32; 4]], free_of_node: &[u32]) -> Vec<Vec<u32>> {
+    let of_group = |members: &Vec<u32>| {
+        let nodes = members.iter().flat_map(|&e| elements[e as usize]).map(|i| free_of_node[i as usize]);
+        let mut nodes: Vec<u32> = nodes.filter(|&i| i != FIXED).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes
+    };
+    groups.members.iter().map(of_group).collect()
+}
+
+impl Averaging {
+    /// Lists over groups with their bulk terms; `cliques` as from [`cliques`], held by `pattern`.
+    pub(crate) fn new(
+        groups: Groups,
+        bulk: Vec<Bulk>,
+        cliques: &[Vec<u32>],
+        elements: &[Tetrahedron],
+        free_of_node: &[u32],
+        pattern: &BlockPattern,
+        scatter: &ScatterLists,
+    ) -> Self {
+        let share = groups.share;
+        let volume = groups.members.iter().map(|m| share * m.iter().map(|&e| elements[e as usize].volume).sum::<f64>());
+        let volume = volume.collect();
+        let mut groups_of = vec![Vec::new(); elements.len()];
+        for (g, members) in (0..).zip(&groups.members) {
+            members.iter().for_each(|&e| groups_of[e as usize].push(g));
+        }
+        let (mut group_of_entry, mut sources) = (Vec::new(), Vec::new());
+        let mut pairs = vec![Vec::new(); scatter.upper_blocks()];
+        for (g, (members, nodes)) in groups.members.iter().zip(cliques).enumerate() {
+            let first = group_of_entry.len();
+            for &node in nodes {
+                let around = members.iter().flat_map(|&e| (0..4).map(move |a| (e, a)));
+                let of_node =
+                    |&(e, a): &(u32, u32)| free_of_node[elements[e as usize].nodes[a as usize] as usize] == node;
+                sources.push(around.filter(of_node).map(|(e, a)| e << 2 | a).collect());
+                group_of_entry.push(g as u32);
+            }
+            for (i, &row) in nodes.iter().enumerate() {
+                for (j, &column) in nodes.iter().enumerate().skip(i) {
+                    if let Some(p) = scatter.upper_position(pattern, row, column) {
+                        pairs[p as usize].push([(first + i) as u32, (first + j) as u32]);
+                    }
+                }
+            }
+        }
+        Self {
+            share,
+            members: Table::new(groups.members.into_iter()),
+            groups_of: Table::new(groups_of.into_iter()),
+            volume,
+            bulk,
+            group_of_entry,
+            sources: Table::new(sources.into_iter()),
+            pairs: Table::new(pairs.into_iter()),
+        }
+    }
+
+    /// Memory for the groups.
+    pub(crate) fn workspace(&self) -> AveragingWorkspace {
+        AveragingWorkspace {
+            volumes: vec![0.0; self.groups_of.rows()],
+            gradients: vec![Matrix3::zeros(); self.groups_of.rows()],
+            slopes: vec![[0.0; 2]; self.members.rows()],
+            pressures: vec![0.0; self.groups_of.rows()],
+            areas: vec![Vector3::zeros(); self.group_of_entry.len()],
+        }
+    }
+
+    /// Mean volume ratio of a group from the volumes of the elements.
+    fn ratio(&self, g: usize, volume_of: impl Fn(usize) -> f64) -> f64 {
+        self.share * self.members.row(g).iter().map(|&e| volume_of(e as usize)).sum::<f64>() / self.volume[g]
+    }
+
+    /// Energy of the groups (J).
+    pub(crate) fn energy(&self, elements: &[Tetrahedron], q: &[Vector3<f64>]) -> f64 {
+        let volume_of = |e: usize| elements[e].edges(q).determinant() / 6.0;
+        let of_group = |g: usize| self.volume[g] * self.bulk[g].at(self.ratio(g, volume_of)).value;
+        (0..self.volume.len()).map(of_group).sum()
+    }
+
+    /// Pressures of the elements; with `filter`, groups without a positive `U''` have none.
+    pub(crate) fn pressures(
+        &self,
+        elements: &[Tetrahedron],
+        q: &[Vector3<f64>],
+        filter: bool,
+        parallel: bool,
+        ws: &mut AveragingWorkspace,
+    ) {
+        fill(parallel, &mut ws.volumes, |e| elements[e].edges(q).determinant() / 6.0);
+        let volumes = &ws.volumes;
+        fill(parallel, &mut ws.slopes, |g| {
+            let U = self.bulk[g].at(self.ratio(g, |e| volumes[e]));
+            [U.first, if filter && U.second < 0.0 { 0.0 } else { U.second / self.volume[g] }]
+        });
+        let slopes = &ws.slopes;
+        fill(parallel, &mut ws.pressures, |e| {
+            self.share * self.groups_of.row(e).iter().map(|&g| slopes[g as usize][0]).sum::<f64>()
+        });
+    }
+
+    /// Adds the blocks of the groups to the upper half, after [`Averaging::pressures`].
+    pub(crate) fn add_blocks(
+        &self,
+        elements: &[Tetrahedron],
+        q: &[Vector3<f64>],
+        parallel: bool,
+        ws: &mut AveragingWorkspace,
+        upper: &mut [Matrix3<f64>],
+    ) {
+        fill(parallel, &mut ws.gradients, |e| cofactor(&elements[e].edges(q)) * (self.share / 6.0));
+        let gradients = &ws.gradients;
+        fill(parallel, &mut ws.areas, |entry| {
+            let mut area = Vector3::zeros();
+            for source in self.sources.row(entry) {
+                let of_element = &gradients[(source >> 2) as usize];
+                match source & 3 {
+                    0 => area -= of_element.column(0) + of_element.column(1) + of_element.column(2),
+                    a => area += of_element.column(a as usize - 1),
+                }
+            }
+            area
+        });
+        let (areas, slopes) = (&ws.areas, &ws.slopes);
+        update(parallel, upper, |p, block| {
+            for &[row, column] in self.pairs.row(p) {
+                let stiffness = slopes[self.group_of_entry[row as usize] as usize][1];
+                *block += (areas[row as usize] * stiffness) * areas[column as usize].transpose();
+            }
+        });
+    }
+
+    /// Adds the forces of pressures on the elements to those of all nodes, after [`Averaging::pressures`].
+    pub(crate) fn add_forces(
+        &self,
+        elements: &[Tetrahedron],
+        q: &[Vector3<f64>],
+        ws: &AveragingWorkspace,
+        f_int: &mut [Vector3<f64>],
+    ) {
+        for (element, pressure) in elements.iter().zip(&ws.pressures) {
+            let forces = cofactor(&element.edges(q)) * (-pressure / 6.0);
+            f_int[element.nodes[0] as usize] -= forces.column(0) + forces.column(1) + forces.column(2);
+            for (node, force) in element.nodes[1..].iter().zip(forces.column_iter()) {
+                f_int[*node as usize] += force;
+            }
+        }
+    }
+}
+
+/// Sets every value to that of its place.
+fn fill<T: Send>(parallel: bool, values: &mut [T], value: impl Fn(usize) -> T + Sync) {
+    update(parallel, values, |i, slot| *slot = value(i));
+}
+
+/// Changes every value by its place: the same bits in any order.
+fn update<T: Send>(parallel: bool, values: &mut [T], change: impl Fn(usize, &mut T) + Sync) {
+    if parallel {
+        values.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, values)| {
+            values.iter_mut().enumerate().for_each(|(k, value)| change(CHUNK * chunk + k, value));
+        });
+    } else {
+        values.iter_mut().enumerate().for_each(|(i, value)| change(i, value));
+    }
+}

@@ -1,0 +1,132 @@
+//! Mooney-Rivlin law, isochoric, in the multiplicative-Jacobian form [Marchesseau 2010].
+//!
+//! ```text
+//! Ψ = c1 (J^(-2/3) I1 - 3) + c2 (J^(-4/3) I2 - 3) + k/2 ln²J          J/m³
+//! ```
+//! with `I1 = tr C`, `I2 = (tr²C - tr C²) / 2`. At small strain the shear modulus is `2 (c1 + c2)` and the bulk modulus `k`.
+//!
+//! Departure: the powers and the logarithm of `J` are continued below `J0 =` [`EXTENSION_BELOW`](super::volume), see there;
+//! inverted elements are driven back by the bulk term. From Young and Poisson `c1 = c2 = μ/4`; who knows another ratio
+//! gives the coefficients.
+
+#![allow(non_snake_case)]
+
+use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Bulk, Lame, MaterialError,
+    hyperelastic::{Hyperelastic, Response, StrainFactor},
+    lame::{validate_positive, validate_young_poisson},
+    volume::{guarded, logarithmic, power_of},
+};
+
+/// Mooney-Rivlin material. In files either `c1`, `c2` and `bulk`, or `young` and `poisson`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Parameters")]
+pub struct MooneyRivlin {
+    /// Coefficient of `I1` (Pa), >= 0.
+    pub c1: f64,
+    /// Coefficient of `I2` (Pa), >= 0; `c1 + c2` is positive.
+    pub c2: f64,
+    /// Bulk modulus (Pa), positive.
+    pub bulk: f64,
+}
+
+/// The two ways to write the parameters.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parameters {
+    young: Option<f64>,
+    poisson: Option<f64>,
+    c1: Option<f64>,
+    c2: Option<f64>,
+    bulk: Option<f64>,
+}
+
+impl TryFrom<Parameters> for MooneyRivlin {
+    type Error = MaterialError;
+
+    fn try_from(p: Parameters) -> Result<Self, MaterialError> {
+        let law = match (p.young, p.poisson, p.c1, p.c2, p.bulk) {
+            (Some(young), Some(poisson), None, None, None) => {
+                validate_young_poisson(young, poisson)?;
+                Self::from_young_poisson(young, poisson)
+            }
+            (None, None, Some(c1), Some(c2), Some(bulk)) => Self { c1, c2, bulk },
+            _ => {
+                let sets = "`c1`, `c2` and `bulk`, or `young` and `poisson`";
+                return Err(MaterialError::ParameterSet { law: "mooney_rivlin", sets });
+            }
+        };
+        Hyperelastic::validate(&law)?;
+        Ok(law)
+    }
+}
+
+impl MooneyRivlin {
+    /// From Young's modulus (Pa) and Poisson's ratio at small strain, with `c1 = c2`; not validated.
+    pub fn from_young_poisson(young: f64, poisson: f64) -> Self {
+        let lame = Lame::from_young_poisson(young, poisson);
+        Self { c1: 0.25 * lame.mu, c2: 0.25 * lame.mu, bulk: lame.bulk() }
+    }
+}
+
+impl Hyperelastic for MooneyRivlin {
+    const MIXED: bool = true;
+    const CURVED: bool = true;
+
+    fn validate(&self) -> Result<(), MaterialError> {
+        for (name, value) in [("c1", self.c1), ("c2", self.c2)] {
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(MaterialError::OutOfRange { name, value, range: ">= 0 Pa and finite" });
+            }
+        }
+        validate_positive("c1 + c2", self.c1 + self.c2, "positive in Pa (half the shear modulus)")?;
+        validate_positive("bulk", self.bulk, "positive and finite in Pa (soft tissue: 1e4 to 1e7)")
+    }
+
+    #[inline]
+    fn small_strain(&self) -> Lame {
+        Lame::from_shear_bulk(2.0 * (self.c1 + self.c2), self.bulk)
+    }
+
+    fn relaxed(&self, share: f64) -> Self {
+        Self { c1: self.c1 * (1.0 - share), c2: self.c2 * (1.0 - share), bulk: self.bulk }
+    }
+
+    fn without_bulk(&self) -> Option<(Self, Bulk)> {
+        Some((Self { bulk: 0.0, ..*self }, Bulk::Logarithmic { modulus: self.bulk }))
+    }
+
+    #[inline]
+    fn response(&self, C: &Matrix3<f64>, J: f64) -> Response {
+        let I1 = C.trace();
+        let first = StrainFactor {
+            value: self.c1 * I1,
+            S: Matrix3::from_diagonal_element(2.0 * self.c1),
+            ..StrainFactor::default()
+        };
+        let second = second_invariant(C, I1, self.c2);
+        let j = guarded(J);
+        let root = j.value.cbrt().recip();
+        let root2 = root * root;
+        let mut response = Response::default();
+        response.add(&power_of(&j, -2.0 / 3.0, root2), &first);
+        response.add(&power_of(&j, -4.0 / 3.0, root2 * root2), &second);
+        response.add_volume(&logarithmic(0.0, self.bulk, J));
+        response.energy -= 3.0 * (self.c1 + self.c2);
+        response
+    }
+}
+
+/// `g = c I2` with its derivatives.
+#[inline]
+pub(super) fn second_invariant(C: &Matrix3<f64>, I1: f64, c: f64) -> StrainFactor {
+    StrainFactor {
+        value: 0.5 * c * (I1 * I1 - C.norm_squared()),
+        S: (Matrix3::from_diagonal_element(I1) - C) * (2.0 * c),
+        alpha: 2.0 * c,
+        beta: -2.0 * c,
+    }
+}
