@@ -3,6 +3,7 @@
 mod elements;
 mod fixed;
 mod geometry;
+mod integration;
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -23,6 +24,7 @@ use fixed::fixed_nodes;
 use geometry::{Loaded, load};
 
 pub use geometry::{is_surface, make};
+pub use integration::{EXPLICIT_SAFETY, Integration};
 
 /// A scene made ready to run.
 pub struct World {
@@ -34,6 +36,7 @@ pub struct World {
     symbolic: Arc<SymbolicFactor>,
     geometry: SurfaceGeometry,
     detection: DetectionConfig,
+    integration: Integration,
     warnings: Vec<String>,
 }
 
@@ -88,6 +91,11 @@ impl World {
         &self.detection
     }
 
+    /// How the body moves in time.
+    pub fn integration(&self) -> &Integration {
+        &self.integration
+    }
+
     /// What is odd but no mistake.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
@@ -132,13 +140,18 @@ impl World {
             c.friction,
             c.max_contacts
         );
+        let _ = writeln!(text, "integrator: {}", self.integration);
         let _ = writeln!(
             text,
             "rates: step {} Hz, factor {} Hz, tick {} Hz; compliance {}",
             d.rates.step,
             d.rates.factor,
             d.rates.tick,
-            format!("{:?}", body.compliance).to_lowercase()
+            match self.integration {
+                Integration::BackwardEuler => format!("{:?}", body.compliance).to_lowercase(),
+                Integration::Newton(_) => "of the step's own matrix".into(),
+                Integration::Explicit { .. } => "of the lumped mass, in every substep".into(),
+            }
         );
         let _ = write!(
             text,
@@ -217,6 +230,8 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     let positions: Vec<_> = model.node_of_free().iter().map(|&n| mesh.nodes[n as usize]).collect();
     let symbolic = SymbolicFactor::new(model.pattern(), &positions)
         .map_err(|e| scene.at("body.0", e.to_string(), "use a smaller mesh"))?;
+    let symbolic = Arc::new(symbolic);
+    let integration = Integration::new(scene, &model, &symbolic, 1.0 / description.rates.step)?;
     let contact = &description.contact;
     let detection = DetectionConfig {
         kind: contact.at,
@@ -235,9 +250,10 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         quality,
         surface,
         model,
-        symbolic: Arc::new(symbolic),
+        symbolic,
         geometry,
         detection,
+        integration,
         warnings,
     };
     tool_outside(&world)?;
