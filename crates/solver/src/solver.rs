@@ -1,8 +1,12 @@
 //! The register of solvers.
 
 use crate::gauss_seidel::{GaussSeidelConfig, GaussSeidelWorkspace};
+use crate::lemke::{LemkeConfig, LemkeWorkspace};
+use crate::newton::{NewtonConfig, NewtonWorkspace};
+use crate::nncg::{NncgConfig, NncgWorkspace};
 use crate::problem::ProblemView;
 use crate::report::{SolveReport, SolveStatus};
+use crate::watch::Watch;
 use serde::{Deserialize, Serialize};
 
 /// What a solver must offer: its parameters are the implementing type, its memory is `Workspace`.
@@ -13,11 +17,21 @@ pub trait ConstraintSolver: Copy + Default {
     type Workspace;
 
     /// Memory for problems of up to `rows` rows.
-    fn workspace(rows: usize) -> Self::Workspace;
+    fn workspace(&self, rows: usize) -> Self::Workspace;
+
+    /// The same with another tolerance (natural-map residual, relative) and another limit of iterations.
+    #[must_use]
+    fn limited(self, tolerance: f64, max_iterations: u32) -> Self;
 
     /// Solves from the forces in `lambda` (N) and leaves the answer there: finite and admissible whatever the status.
-    /// Allocates nothing.
-    fn solve(&self, view: &ProblemView<'_>, lambda: &mut [f64], ws: &mut Self::Workspace) -> SolveReport;
+    /// Allocates nothing, unless the solver's own page says otherwise.
+    fn solve_watched(
+        &self,
+        view: &ProblemView<'_>,
+        lambda: &mut [f64],
+        ws: &mut Self::Workspace,
+        watch: &mut Watch<'_>,
+    ) -> SolveReport;
 }
 
 macro_rules! solvers {
@@ -58,15 +72,35 @@ macro_rules! solvers {
             #[must_use]
             pub fn workspace(&self, rows: usize) -> SolverWorkspace {
                 match self {
-                    $(Solver::$variant(_) => SolverWorkspace::$variant(<$config>::workspace(rows)),)+
+                    $(Solver::$variant(config) => SolverWorkspace::$variant(config.workspace(rows)),)+
                 }
             }
 
-            /// [`ConstraintSolver::solve`]; a workspace of another solver ends as [`SolveStatus::Invalid`].
+            /// [`ConstraintSolver::limited`]
+            #[must_use]
+            pub fn limited(self, tolerance: f64, max_iterations: u32) -> Self {
+                match self {
+                    $(Solver::$variant(config) => Solver::$variant(config.limited(tolerance, max_iterations)),)+
+                }
+            }
+
+            /// [`Solver::solve_watched`] without limit of time and record.
             pub fn solve(&self, view: &ProblemView<'_>, lambda: &mut [f64], ws: &mut SolverWorkspace) -> SolveReport {
+                self.solve_watched(view, lambda, ws, &mut Watch::none())
+            }
+
+            /// [`ConstraintSolver::solve_watched`]; a workspace of another solver ends as [`SolveStatus::Invalid`].
+            pub fn solve_watched(
+                &self,
+                view: &ProblemView<'_>,
+                lambda: &mut [f64],
+                ws: &mut SolverWorkspace,
+                watch: &mut Watch<'_>,
+            ) -> SolveReport {
                 match (self, ws) {
-                    $((Solver::$variant(config), SolverWorkspace::$variant(ws)) => config.solve(view, lambda, ws),)+
-                    #[allow(unreachable_patterns)] // reachable with the second solver
+                    $((Solver::$variant(config), SolverWorkspace::$variant(ws)) => {
+                        config.solve_watched(view, lambda, ws, watch)
+                    })+
                     _ => {
                         lambda.fill(0.0);
                         SolveReport::failed(SolveStatus::Invalid, 0)
@@ -80,6 +114,12 @@ macro_rules! solvers {
 solvers! {
     /// Block Gauss-Seidel.
     GaussSeidel(GaussSeidelConfig, GaussSeidelWorkspace),
+    /// Nonsmooth nonlinear conjugate gradients over sweeps of Gauss-Seidel.
+    Nncg(NncgConfig, NncgWorkspace),
+    /// Semismooth Newton on the equations of Alart and Curnier.
+    SemismoothNewton(NewtonConfig, NewtonWorkspace),
+    /// Lemke's pivoting method on the linear complementarity problem with a faceted cone.
+    Lemke(LemkeConfig, LemkeWorkspace),
 }
 
 impl Default for Solver {
