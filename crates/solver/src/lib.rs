@@ -5,7 +5,13 @@
 //! given, and answers with forces in N and a [`SolveReport`](report::SolveReport). All solvers stop on the residual of
 //! [`residual`]. A solver is one file and one line in [`solver`].
 
+pub mod accelerated_gradient;
+pub mod automatic;
+pub mod comparison;
 mod complementarity;
+mod conic;
+pub mod conic_friction;
+pub mod conic_qp;
 mod dense;
 pub mod gauss_seidel;
 mod iteration;

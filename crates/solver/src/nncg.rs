@@ -4,13 +4,16 @@
 //! ```text
 //! lambda' = sweep(lambda) ,  g = lambda - lambda'
 //! beta = |g|^2 / |g of the iteration before|^2
-//! beta <= 1:  lambda = P(lambda' + beta p) ,  p = beta p - g
-//! beta >  1:  lambda = lambda' ,  p = -g
+//! beta <= 1:  lambda = P(lambda' + beta p)
+//! beta >  1:  lambda = lambda'
+//! p = lambda - lambda of the iteration before
 //! ```
 //!
 //! Departures: the norm is `sum_a |g_a|^2 / rho_a` (N m), so that stiff and soft contacts count alike; the forces after
-//! the extra step are projected block by block, since they may have left their cones; and the gap follows by linearity
-//! (`W p` is a combination of gaps already known), so that an iteration costs one sweep and O(m).
+//! the extra step are projected block by block, since they may have left their cones, and `p` is the step that was
+//! really made; the direction is also forgotten where the residual has risen, without which friction makes the method
+//! wander at 1e-2; and the gap follows by linearity (`W p` is the change of the gap), so that an iteration costs one
+//! sweep and O(m).
 
 use crate::gauss_seidel::{GaussSeidelWorkspace, add_columns, sweep};
 use crate::iteration::{self, Advance, Stop};
@@ -89,25 +92,20 @@ impl ConstraintSolver for NncgConfig {
             vector.clear();
             vector.resize(rows, 0.0);
         }
-        let mut norm_before = 0.0;
-        iteration::run(view, lambda, stop, sweeps, watch, |lambda, sweeps, _| {
+        let (mut norm_before, mut residual_before) = (0.0, f64::INFINITY);
+        iteration::run(view, lambda, stop, sweeps, watch, |lambda, sweeps, residual| {
             before.copy_from_slice(lambda);
             delta_before.copy_from_slice(&sweeps.delta);
             sweep(view, lambda, 1.0, false, sweeps);
             let norm = squared_change(view, before, lambda, &sweeps.local);
-            let beta = if norm_before > 0.0 { norm / norm_before } else { f64::INFINITY };
-            norm_before = norm;
+            let sound = norm_before > 0.0 && residual <= residual_before;
+            let beta = if sound { norm / norm_before } else { f64::INFINITY };
+            (norm_before, residual_before) = (norm, residual);
             if beta <= 1.0 {
-                extend(view, beta, [before, delta_before], [direction, gap_direction], lambda, sweeps);
-            } else {
-                // Begin anew: the next direction is the change of this sweep.
-                for (p, (old, new)) in direction.iter_mut().zip(before.iter().zip(lambda.iter())) {
-                    *p = new - old;
-                }
-                for (p, (old, new)) in gap_direction.iter_mut().zip(delta_before.iter().zip(&sweeps.delta)) {
-                    *p = new - old;
-                }
+                extend(view, beta, direction, gap_direction, lambda, sweeps);
             }
+            difference(lambda, before, direction);
+            difference(&sweeps.delta, delta_before, gap_direction);
             Advance::Updated
         })
     }
@@ -120,25 +118,17 @@ fn squared_change(view: &ProblemView<'_>, old: &[f64], new: &[f64], local: &[Loc
     view.blocks.iter().zip(local).map(share).sum()
 }
 
-/// `lambda += beta p`, projected, and `p = beta p + change of the sweep`; gaps along with them.
+/// `lambda += beta p`, projected, and the gap along with it.
 fn extend(
     view: &ProblemView<'_>,
     beta: f64,
-    [before, delta_before]: [&[f64]; 2],
-    [direction, gap_direction]: [&mut [f64]; 2],
+    direction: &[f64],
+    gap_direction: &[f64],
     lambda: &mut [f64],
     ws: &mut GaussSeidelWorkspace,
 ) {
-    for i in 0..direction.len().min(lambda.len()) {
-        let change = lambda[i] - before[i];
-        lambda[i] += beta * direction[i];
-        direction[i] = beta * direction[i] + change;
-    }
-    for (i, gap) in ws.delta.iter_mut().enumerate().take(gap_direction.len()) {
-        let change = *gap - delta_before[i];
-        *gap += beta * gap_direction[i];
-        gap_direction[i] = beta * gap_direction[i] + change;
-    }
+    lambda.iter_mut().zip(direction).for_each(|(force, p)| *force += beta * p);
+    ws.delta.iter_mut().zip(gap_direction).for_each(|(gap, p)| *gap += beta * p);
     for block in view.blocks {
         let force = gather(lambda, block);
         let nearest = block.law.project(&force);
@@ -148,4 +138,9 @@ fn extend(
             add_columns(view, block, &correction, &mut ws.delta);
         }
     }
+}
+
+/// `out = new - old`.
+fn difference(new: &[f64], old: &[f64], out: &mut [f64]) {
+    out.iter_mut().zip(new.iter().zip(old)).for_each(|(out, (new, old))| *out = new - old);
 }

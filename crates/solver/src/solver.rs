@@ -1,5 +1,9 @@
 //! The register of solvers.
 
+use crate::accelerated_gradient::{AcceleratedGradientConfig, AcceleratedGradientWorkspace};
+use crate::automatic::{AutomaticConfig, AutomaticWorkspace};
+use crate::conic_friction::ConicFrictionConfig;
+use crate::conic_qp::ConicQpConfig;
 use crate::gauss_seidel::{GaussSeidelConfig, GaussSeidelWorkspace};
 use crate::lemke::{LemkeConfig, LemkeWorkspace};
 use crate::newton::{NewtonConfig, NewtonWorkspace};
@@ -120,6 +124,14 @@ solvers! {
     SemismoothNewton(NewtonConfig, NewtonWorkspace),
     /// Lemke's pivoting method on the linear complementarity problem with a faceted cone.
     Lemke(LemkeConfig, LemkeWorkspace),
+    /// One quadratic program, for problems without friction (Clarabel).
+    ConicQp(ConicQpConfig, GaussSeidelWorkspace),
+    /// Second-order cone programs with De Saxcé's correction (Clarabel).
+    ConicFriction(ConicFrictionConfig, GaussSeidelWorkspace),
+    /// Accelerated projected gradient with restart.
+    AcceleratedGradient(AcceleratedGradientConfig, AcceleratedGradientWorkspace),
+    /// The cheapest that solves the problem.
+    Automatic(AutomaticConfig, AutomaticWorkspace),
 }
 
 impl Default for Solver {
