@@ -113,8 +113,8 @@ impl ConstraintSolver for AutomaticConfig {
         }
     }
 
-    fn limited(self, tolerance: f64, max_iterations: u32) -> Self {
-        Self { tolerance, max_iterations }
+    fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
+        Self { tolerance, max_iterations: max_iterations.unwrap_or(self.max_iterations) }
     }
 
     fn solve_watched(
@@ -127,44 +127,20 @@ impl ConstraintSolver for AutomaticConfig {
         ws.attempts.clear();
         let mut best = Best { report: None, lambda: &mut ws.best, attempts: &mut ws.attempts };
         let (tolerance, most) = (self.tolerance, self.max_iterations);
-        let sweeps = GaussSeidelConfig::default();
+        let rows = view.rows();
+        let first = GaussSeidelConfig::default().limited(tolerance, Some(most.min(FIRST_SWEEPS)));
+        let sweeps = GaussSeidelConfig::default().limited(tolerance, Some(most));
+        let newton = NewtonConfig::default().limited(tolerance, Some(most));
+        let lemke = LemkeConfig::default().limited(tolerance, None);
+        let gradient = AcceleratedGradientConfig::default().limited(tolerance, Some(most));
+        let cones = ConicFrictionConfig::default().limited(tolerance, None);
         // In turn until one ends the search; nothing after that is run.
-        let _over =
-            attempt(&sweeps.limited(tolerance, most.min(FIRST_SWEEPS)), view, lambda, &mut ws.sweeps, watch, &mut best)
-                || attempt(
-                    &NewtonConfig::default().limited(tolerance, most),
-                    view,
-                    lambda,
-                    &mut ws.newton,
-                    watch,
-                    &mut best,
-                )
-                || view.rows() <= LEMKE_ROWS
-                    && attempt(
-                        &LemkeConfig { tolerance, ..LemkeConfig::default() },
-                        view,
-                        lambda,
-                        &mut ws.lemke,
-                        watch,
-                        &mut best,
-                    )
-                || attempt(&sweeps.limited(tolerance, most), view, lambda, &mut ws.sweeps, watch, &mut best)
-                || attempt(
-                    &AcceleratedGradientConfig::default().limited(tolerance, most),
-                    view,
-                    lambda,
-                    &mut ws.gradient,
-                    watch,
-                    &mut best,
-                )
-                || attempt(
-                    &ConicFrictionConfig { tolerance, ..ConicFrictionConfig::default() },
-                    view,
-                    lambda,
-                    &mut ws.sweeps,
-                    watch,
-                    &mut best,
-                );
+        let _over = attempt(&first, view, lambda, &mut ws.sweeps, watch, &mut best)
+            || attempt(&newton, view, lambda, &mut ws.newton, watch, &mut best)
+            || rows <= LEMKE_ROWS && attempt(&lemke, view, lambda, &mut ws.lemke, watch, &mut best)
+            || attempt(&sweeps, view, lambda, &mut ws.sweeps, watch, &mut best)
+            || attempt(&gradient, view, lambda, &mut ws.gradient, watch, &mut best)
+            || attempt(&cones, view, lambda, &mut ws.sweeps, watch, &mut best);
         best.report.unwrap_or_else(|| SolveReport::failed(SolveStatus::Invalid, 0))
     }
 }

@@ -7,7 +7,9 @@
 //! Its optimality is `delta + s` in the normal cone of the admissible forces at `lambda`, with opposite sign: with `s = 0`
 //! the associated law (friction over the cone then opens sliding contacts by `mu |delta_t|`), with `s` De Saxcé's
 //! correction `mu |delta_t| n` at the solution Coulomb's. Blocks are scaled by `sqrt(rho_a)` and the gaps by their largest,
-//! so that the solver sees numbers of order one. Clarabel allocates as it solves.
+//! so that the solver sees numbers of order one. A program needs a symmetric matrix: it gets the symmetric part of `W`, and
+//! what the other part makes of the forces so far is added to `delta_free` (single precision files are asymmetric by 1e-6).
+//! Clarabel allocates as it solves.
 
 use crate::problem::{ProblemView, gather};
 use crate::report::SolveStatus;
@@ -22,8 +24,7 @@ use std::time::Instant;
 /// answers `AlmostSolved` or `InsufficientProgress` where it does not come so far, and the residual judges the answer.
 const TOLERANCE: f64 = 1e-13;
 
-/// Largest asymmetry of `W` that is taken for rounding, relative to `sqrt(W_ii W_jj)`; what is left of it limits the
-/// residual that can be reached.
+/// Largest asymmetry of `W` that is taken for rounding, relative to `sqrt(W_ii W_jj)`.
 const ASYMMETRY: f64 = 1e-2;
 
 /// A conic program whose linear term changes.
@@ -145,7 +146,8 @@ impl ConicProgram {
         Ok(Self { solver, linear, size })
     }
 
-    /// Solves with the linear term `delta_free + correction(block, delta) n` (m) and writes the forces, admissible.
+    /// Solves with the linear term that belongs to the gap `delta` (m) at the forces `lambda` (N), and writes the new forces
+    /// there, admissible.
     ///
     /// # Errors
     /// How Clarabel ended, where it has no answer.
@@ -156,13 +158,15 @@ impl ConicProgram {
         delta: &[f64],
         lambda: &mut [f64],
     ) -> Result<(), SolveStatus> {
+        let at = |i: usize, j: usize| view.column(j).get(i).copied().unwrap_or(0.0);
         for (block, local) in view.blocks.iter().zip(local) {
             let gap = gather(delta, block);
             let correction = block.law.corrected_gap(&gap).x - gap.x;
             let scale = local.rho().sqrt() / self.size;
             for row in block.start..block.start + block.law.rows() {
                 let shift = if row == block.start { correction } else { 0.0 };
-                self.linear[row] = (view.delta_free[row] + shift) * scale;
+                let skew: f64 = lambda.iter().enumerate().map(|(j, f)| 0.5 * (at(row, j) - at(j, row)) * f).sum();
+                self.linear[row] = (view.delta_free[row] + shift + skew) * scale;
             }
         }
         self.solver.update_q(&self.linear).map_err(|_| SolveStatus::Unsupported)?;

@@ -47,8 +47,8 @@ impl ConstraintSolver for ConicFrictionConfig {
         GaussSeidelWorkspace::with_capacity(rows)
     }
 
-    fn limited(self, tolerance: f64, max_iterations: u32) -> Self {
-        Self { tolerance, max_iterations, ..self }
+    fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
+        Self { tolerance, max_iterations: max_iterations.unwrap_or(self.max_iterations), ..self }
     }
 
     fn solve_watched(

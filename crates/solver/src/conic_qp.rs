@@ -44,7 +44,7 @@ impl ConstraintSolver for ConicQpConfig {
     }
 
     /// There is one program: the limit of iterations says whether it is solved at all.
-    fn limited(self, tolerance: f64, _max_iterations: u32) -> Self {
+    fn limited(self, tolerance: f64, _max_iterations: Option<u32>) -> Self {
         Self { tolerance }
     }
 

@@ -213,8 +213,8 @@ impl ConstraintSolver for GaussSeidelConfig {
         GaussSeidelWorkspace::with_capacity(rows)
     }
 
-    fn limited(self, tolerance: f64, max_iterations: u32) -> Self {
-        Self { tolerance, max_sweeps: max_iterations, ..self }
+    fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
+        Self { tolerance, max_sweeps: max_iterations.unwrap_or(self.max_sweeps), ..self }
     }
 
     fn solve_watched(

@@ -25,6 +25,7 @@ use crate::report::{SolveReport, SolveStatus};
 use crate::solver::ConstraintSolver;
 use crate::watch::Watch;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
 use std::time::Instant;
 
 /// Largest number of variables; the tableau then takes 0.27 GB.
@@ -84,8 +85,8 @@ impl ConstraintSolver for LemkeConfig {
         }
     }
 
-    fn limited(self, tolerance: f64, max_iterations: u32) -> Self {
-        Self { tolerance, max_iterations, ..self }
+    fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
+        Self { tolerance, max_iterations: max_iterations.unwrap_or(self.max_iterations), ..self }
     }
 
     fn solve_watched(
@@ -103,7 +104,7 @@ impl ConstraintSolver for LemkeConfig {
         let mut first = true;
         iteration::run(view, lambda, stop, sweeps, watch, |lambda, sweeps, _| {
             // The start is as good as its forces: its friction tells where the polygons should point.
-            let turned = turn(view, lambda, &sweeps.delta, heading);
+            let turned = turn(view, lambda, &sweeps.delta, PI / self.facets.max(3) as f64, heading);
             if !first && !turned {
                 return Advance::Ended(SolveStatus::Stalled);
             }
@@ -128,16 +129,17 @@ impl ConstraintSolver for LemkeConfig {
 }
 
 /// Lays the first corner of each polygon along the friction; whether a heading has changed.
-fn turn(view: &ProblemView<'_>, lambda: &[f64], delta: &[f64], heading: &mut [f64]) -> bool {
+fn turn(view: &ProblemView<'_>, lambda: &[f64], delta: &[f64], sector: f64, heading: &mut [f64]) -> bool {
     let largest = view.delta_free.iter().fold(0.0_f64, |largest, gap| largest.max(gap.abs()));
     let mut turned = false;
     for (block, heading) in view.blocks.iter().zip(heading) {
         let (force, slip) = (gather(lambda, block).yz(), -gather(delta, block).yz());
         let along = if slip.norm() > SLIP_FLOOR * largest { slip } else { force };
         if along.norm() > 0.0 {
-            let angle = along.y.atan2(along.x);
-            turned |= angle != *heading;
-            *heading = angle;
+            // Half of the way, by the shorter side: the whole way flips between two headings where friction is strong.
+            let way = (along.y.atan2(along.x) - *heading + PI).rem_euclid(TAU) - PI;
+            turned |= way != 0.0;
+            *heading += if way.abs() > sector { way } else { 0.5 * way };
         }
     }
     turned

@@ -104,8 +104,8 @@ impl ConstraintSolver for NewtonConfig {
         }
     }
 
-    fn limited(self, tolerance: f64, max_iterations: u32) -> Self {
-        Self { tolerance, max_iterations, ..self }
+    fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
+        Self { tolerance, max_iterations: max_iterations.unwrap_or(self.max_iterations), ..self }
     }
 
     fn solve_watched(

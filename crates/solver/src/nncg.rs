@@ -11,11 +11,11 @@
 //!
 //! Departures: the norm is `sum_a |g_a|^2 / rho_a` (N m), so that stiff and soft contacts count alike; the forces after
 //! the extra step are projected block by block, since they may have left their cones, and `p` is the step that was
-//! really made; the direction is also forgotten where the residual has risen, without which friction makes the method
-//! wander at 1e-2; and the gap follows by linearity (`W p` is the change of the gap), so that an iteration costs one
-//! sweep and O(m).
+//! really made; an extra step that does not lower the natural-map residual is taken back, without which friction makes
+//! the method wander at 1e-2; and the gap follows by linearity (`W p` is the change of the gap), so that an iteration
+//! costs one sweep and O(m).
 
-use crate::gauss_seidel::{GaussSeidelWorkspace, add_columns, sweep};
+use crate::gauss_seidel::{GaussSeidelWorkspace, add_columns, residual, sweep};
 use crate::iteration::{self, Advance, Stop};
 use crate::problem::{ProblemView, gather, scatter};
 use crate::report::SolveReport;
@@ -43,7 +43,7 @@ impl Default for NncgConfig {
     }
 }
 
-/// Memory of NNCG: that of Gauss-Seidel and `4 m` numbers.
+/// Memory of NNCG: that of Gauss-Seidel and `6 m` numbers.
 #[derive(Clone, Debug, Default)]
 pub struct NncgWorkspace {
     sweeps: GaussSeidelWorkspace,
@@ -55,6 +55,10 @@ pub struct NncgWorkspace {
     direction: Vec<f64>,
     /// `W p`, m.
     gap_direction: Vec<f64>,
+    /// Forces after the sweep, N.
+    swept: Vec<f64>,
+    /// Gap after the sweep, m.
+    delta_swept: Vec<f64>,
 }
 
 impl ConstraintSolver for NncgConfig {
@@ -69,11 +73,13 @@ impl ConstraintSolver for NncgConfig {
             delta: vector(),
             direction: vector(),
             gap_direction: vector(),
+            swept: vector(),
+            delta_swept: vector(),
         }
     }
 
-    fn limited(self, tolerance: f64, max_iterations: u32) -> Self {
-        Self { tolerance, max_iterations, ..self }
+    fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
+        Self { tolerance, max_iterations: max_iterations.unwrap_or(self.max_iterations), ..self }
     }
 
     fn solve_watched(
@@ -85,24 +91,32 @@ impl ConstraintSolver for NncgConfig {
     ) -> SolveReport {
         let stop =
             Stop { tolerance: self.tolerance, max_iterations: self.max_iterations, stall: self.stall_iterations };
-        let NncgWorkspace { sweeps, lambda: before, delta: delta_before, direction, gap_direction } = ws;
+        let NncgWorkspace { sweeps, lambda: before, delta: delta_before, direction, gap_direction, swept, delta_swept } =
+            ws;
         // Resized within their capacity: a problem that does not fit is refused before the first iteration.
         let rows = view.rows().min(sweeps.capacity());
-        for vector in [&mut *before, delta_before, direction, gap_direction] {
+        for vector in [&mut *before, delta_before, direction, gap_direction, swept, delta_swept] {
             vector.clear();
             vector.resize(rows, 0.0);
         }
-        let (mut norm_before, mut residual_before) = (0.0, f64::INFINITY);
-        iteration::run(view, lambda, stop, sweeps, watch, |lambda, sweeps, residual| {
+        let mut norm_before = 0.0;
+        iteration::run(view, lambda, stop, sweeps, watch, |lambda, sweeps, _| {
             before.copy_from_slice(lambda);
             delta_before.copy_from_slice(&sweeps.delta);
             sweep(view, lambda, 1.0, false, sweeps);
             let norm = squared_change(view, before, lambda, &sweeps.local);
-            let sound = norm_before > 0.0 && residual <= residual_before;
-            let beta = if sound { norm / norm_before } else { f64::INFINITY };
-            (norm_before, residual_before) = (norm, residual);
+            let beta = if norm_before > 0.0 { norm / norm_before } else { f64::INFINITY };
+            norm_before = norm;
             if beta <= 1.0 {
+                swept.copy_from_slice(lambda);
+                delta_swept.copy_from_slice(&sweeps.delta);
+                let plain = residual(view, lambda, 1.0, sweeps).relative;
                 extend(view, beta, direction, gap_direction, lambda, sweeps);
+                // Written so that NaN is taken back.
+                if !(residual(view, lambda, 1.0, sweeps).relative <= plain) {
+                    lambda.copy_from_slice(swept);
+                    sweeps.delta.copy_from_slice(delta_swept);
+                }
             }
             difference(lambda, before, direction);
             difference(&sweeps.delta, delta_before, gap_direction);

@@ -23,9 +23,9 @@ pub trait ConstraintSolver: Copy + Default {
     /// Memory for problems of up to `rows` rows.
     fn workspace(&self, rows: usize) -> Self::Workspace;
 
-    /// The same with another tolerance (natural-map residual, relative) and another limit of iterations.
+    /// The same with another tolerance (natural-map residual, relative) and, if given, another limit of iterations.
     #[must_use]
-    fn limited(self, tolerance: f64, max_iterations: u32) -> Self;
+    fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self;
 
     /// Solves from the forces in `lambda` (N) and leaves the answer there: finite and admissible whatever the status.
     /// Allocates nothing, unless the solver's own page says otherwise.
@@ -45,6 +45,21 @@ macro_rules! solvers {
         #[serde(tag = "type", rename_all = "snake_case")]
         pub enum Solver {
             $($(#[$doc])* $variant($config),)+
+        }
+
+        /// The name of a registered solver, for descriptions that leave its parameters at their defaults.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        pub enum SolverKind {
+            $($(#[$doc])* $variant,)+
+        }
+
+        impl SolverKind {
+            /// The solver with default parameters.
+            #[must_use]
+            pub fn solver(self) -> Solver {
+                match self { $(SolverKind::$variant => Solver::$variant(<$config>::default()),)+ }
+            }
         }
 
         /// Memory of any registered solver.
@@ -82,7 +97,7 @@ macro_rules! solvers {
 
             /// [`ConstraintSolver::limited`]
             #[must_use]
-            pub fn limited(self, tolerance: f64, max_iterations: u32) -> Self {
+            pub fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
                 match self {
                     $(Solver::$variant(config) => Solver::$variant(config.limited(tolerance, max_iterations)),)+
                 }
@@ -148,6 +163,10 @@ mod tests {
     fn every_name_finds_its_solver() {
         for name in Solver::NAMES {
             assert_eq!(Solver::from_name(name).map(|solver| solver.name()), Some(*name));
+            let kind: SolverKind = serde_json::from_value(serde_json::json!(name)).unwrap();
+            assert_eq!(kind.solver().name(), *name);
+            // The text form of the solver carries the same name.
+            assert_eq!(serde_json::to_value(kind.solver()).unwrap()["type"], *name);
         }
         assert_eq!(Solver::from_name("gaussseidel"), None);
     }

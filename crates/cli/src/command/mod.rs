@@ -5,6 +5,7 @@ pub(crate) mod mesh;
 pub(crate) mod replay;
 pub(crate) mod run;
 pub(crate) mod scenes;
+pub(crate) mod solve;
 
 use miette::{Diagnostic, LabeledSpan, NamedSource, Report};
 use palpate::scene::{InvalidScene, SceneError};

@@ -5,7 +5,7 @@
 //!                                              preconditioned by the latest factor, warped by nodal rotations
 //! delta_free = delta(q) + H h (v + dv)         gap if nothing touched (m)
 //! W = h² H A⁻¹ Hᵀ                              compliance (m/N) by half solves of the latest (warped) or this step's factor
-//! delta = W lambda + delta_free, Coulomb       block Gauss-Seidel, warm-started by contact feature
+//! delta = W lambda + delta_free, Coulomb       the scene's solver, warm-started by contact feature
 //! v+ = v + dv + h A⁻¹ Hᵀ lambda, q+ = q + h v+
 //! ```
 //!
@@ -66,7 +66,7 @@ pub fn step(
     stages::compliance(world, input.factor, ws, &mut report);
     report.times.compliance = clock.lap();
 
-    stages::solve(world, state, ws, &mut report);
+    stages::solve(state, ws, &mut report);
     report.times.solve = clock.lap();
 
     stages::correct(world, input.factor, state, ws, &mut report);
