@@ -190,6 +190,11 @@ pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
     })
 }
 
+/// Builds the world of a checked scene on tetrahedra of the caller.
+pub(crate) fn build_on(scene: &Scene, mesh: TetMesh) -> Result<World, SceneError> {
+    assemble(scene, mesh, Vec::new())
+}
+
 fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<World, SceneError> {
     let description = scene.description();
     let body = &description.bodies[0];
