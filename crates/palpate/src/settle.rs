@@ -1,6 +1,6 @@
 //! The state in which a run begins: at rest under gravity.
 
-use palpate_fem::assembly::{FemWorkspace, assemble};
+use palpate_fem::assembly::{FemWorkspace, advance_memory, assemble};
 use palpate_fem::factor::{Factor, FactorStatus, SolveWorkspace};
 use palpate_fem::model::{FemModel, FemState};
 
@@ -56,7 +56,10 @@ fn iterate(model: &FemModel, world: &World, state: &mut FemState, size: f64) -> 
                 state.q[node as usize][c] += scale * dv[3 * k + c];
             }
         }
+        // Viscous tissue ends relaxed.
+        advance_memory(model, state, SETTLE_STEP);
         if largest < SETTLED * size {
+            advance_memory(model, state, f64::INFINITY);
             return true;
         }
     }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 pub use bundled::{BUNDLED_SCENES, BundledScene};
 pub use description::{
     Axis, BodyDescription, ContactDescription, DeviceDescription, HandDescription, NodeSelection, Plane,
-    RatesDescription, SceneDescription, SolverDescription, ToolDescription,
+    RatesDescription, SceneDescription, SolverDescription, TissueDescription, ToolDescription,
 };
 pub use error::{InvalidScene, SceneError};
 

@@ -223,7 +223,9 @@ pub(super) fn correct(
         state.roll_back();
         report.status = StepStatus::RolledBack;
         (report.force, report.torque) = (Vector3::zeros(), Vector3::zeros());
+        return;
     }
+    advance_memory(world.model(), &mut state.fem, h);
 }
 
 /// The local problem for the tick: rows, compliance and forces as they were solved.

@@ -32,7 +32,8 @@ pub struct StepState {
     pub warm_start: WarmStart,
     /// Contacts of the last step; they carry the side from which the tool came.
     pub contacts: ContactSet,
-    /// The state before the last step, to which a failed step returns.
+    /// Positions and velocities before the last step, to which a failed step returns. The memory of viscous tissue moves on
+    /// only after a step that has not failed.
     before: FemState,
     /// Where the body was when the run began: indentation is measured from here (m).
     pub(super) rest: Vec<Vector3<f64>>,
@@ -47,7 +48,7 @@ impl StepState {
             tool: None,
             warm_start: WarmStart::with_capacity(capacity),
             contacts: ContactSet::with_capacity(capacity),
-            before: rest.clone(),
+            before: FemState { memory: Vec::new(), ..rest.clone() },
             rest: rest.q.clone(),
             fem: rest,
         }
