@@ -46,8 +46,8 @@ fn every_law_carries_a_press_and_viscosity_softens_it() {
         let elastic = world(&format!(r#"{{ law = "{name}", young = 6e3, poisson = 0.45 }}"#));
         assert!(elastic.understood().contains(&format!("law = \"{name}\"")), "{}", elastic.understood());
         let (force, state) = press(&elastic);
-        // The press strains the skin by a quarter: laws differ, by less than a factor.
-        assert!(force > 0.4 * reference && force < 2.5 * reference, "{name}: {force} {reference}");
+        // The press strains the skin by a quarter: laws differ, St Venant-Kirchhoff most, which softens under pressure.
+        assert!(force > 0.3 * reference && force < 2.5 * reference, "{name}: {force} {reference}");
         assert!(state.memory.is_empty());
         let text = format!(r#"{{ law = "{name}", young = 6e3, poisson = 0.45, {LIVER} }}"#);
         if !elastic.description().bodies[0].material.law.is_frame_indifferent() {

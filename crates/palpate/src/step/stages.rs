@@ -6,6 +6,7 @@ use palpate_collision::detection::detect;
 use palpate_constraints::compliance::{self, ComplianceMethod, WarpedInverse};
 use palpate_constraints::law::{Coulomb, Law, Signorini};
 use palpate_constraints::rows::{ContactRows, RowInput, ToolMotion, build_fixed_rows, build_rows};
+use palpate_fem::assembly::advance_memory;
 use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
 use palpate_fem::preconditioner::WarpedPreconditioner;
