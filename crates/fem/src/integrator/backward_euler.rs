@@ -67,7 +67,7 @@ pub fn factor_end(model: &FemModel, dt: f64, state: &FemState, ws: &mut Implicit
 ///
 /// `f_ext` as for [`linearised_step`]. With a non-finite status the state is what it was; with any other status it has
 /// moved to the lowest potential that was found. Afterwards `ws.fem.system` is the system matrix `A` (kg) of the end of
-/// the step, exact where [`NewtonReport::filtered`] did not grow in the last iteration. Allocates nothing.
+/// the step, with the exact tangent. Allocates nothing.
 pub fn newton_step(
     model: &FemModel,
     dt: f64,

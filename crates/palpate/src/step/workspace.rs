@@ -5,17 +5,21 @@ use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::contact::ContactSet;
 use palpate_collision::detection::DetectionWorkspace;
 use palpate_constraints::compliance::{ComplianceMethod, ComplianceWorkspace};
+use palpate_constraints::lumped::LumpedInverse;
 use palpate_constraints::rows::ContactRows;
 use palpate_constraints::warm_start::WarmStart;
 use palpate_fem::assembly::FemWorkspace;
 use palpate_fem::factor::{Factor, ReachWorkspace, SolveWorkspace};
-use palpate_fem::model::FemState;
+use palpate_fem::integrator::explicit::ExplicitWorkspace;
+use palpate_fem::integrator::newton::ImplicitWorkspace;
+use palpate_fem::model::{FemModel, FemState};
+use palpate_fem::nodal_rows::NodalRows;
 use palpate_fem::pcg::PcgWorkspace;
 use palpate_solver::gauss_seidel::GaussSeidelWorkspace;
 use palpate_solver::problem::ConstraintProblem;
 use std::sync::Arc;
 
-use crate::world::World;
+use crate::world::{Integration, World};
 
 /// Rows of a contact with friction.
 const ROWS: usize = 3;
@@ -32,8 +36,7 @@ pub struct StepState {
     pub warm_start: WarmStart,
     /// Contacts of the last step; they carry the side from which the tool came.
     pub contacts: ContactSet,
-    /// Positions and velocities before the last step, to which a failed step returns. The memory of viscous tissue moves on
-    /// only after a step that has not failed.
+    /// The state before the last step, to which a failed step returns.
     before: FemState,
     /// Where the body was when the run began: indentation is measured from here (m).
     pub(super) rest: Vec<Vector3<f64>>,
@@ -48,7 +51,7 @@ impl StepState {
             tool: None,
             warm_start: WarmStart::with_capacity(capacity),
             contacts: ContactSet::with_capacity(capacity),
-            before: FemState { memory: Vec::new(), ..rest.clone() },
+            before: rest.clone(),
             rest: rest.q.clone(),
             fem: rest,
         }
@@ -67,13 +70,44 @@ impl StepState {
     pub(super) fn remember(&mut self) {
         self.before.q.copy_from_slice(&self.fem.q);
         self.before.v.copy_from_slice(&self.fem.v);
+        self.before.memory.copy_from_slice(&self.fem.memory);
     }
 
     /// Puts the body back to the state before the step, at rest.
     pub(super) fn roll_back(&mut self) {
         self.fem.q.copy_from_slice(&self.before.q);
+        self.fem.memory.copy_from_slice(&self.before.memory);
         self.fem.v.fill(Vector3::zeros());
         self.warm_start.clear();
+    }
+}
+
+/// Scratch of steps by Newton's method.
+pub(super) struct NewtonStage {
+    pub(super) ws: ImplicitWorkspace,
+    /// Where the free motion leads.
+    pub(super) free: FemState,
+    /// Whether the factor of the end of the free motion serves this step.
+    pub(super) factored: bool,
+}
+
+/// Scratch of explicit substeps.
+pub(super) struct ExplicitStage {
+    pub(super) ws: ExplicitWorkspace,
+    pub(super) inverse: LumpedInverse,
+    pub(super) compliance: ComplianceWorkspace<NodalRows>,
+}
+
+impl ExplicitStage {
+    /// Memory for substeps `dt` (s): the system matrix is `M (1 + αh/2)`.
+    fn new(model: &FemModel, dt: f64, rows: usize) -> Self {
+        let damping = 1.0 + 0.5 * dt * model.rayleigh_mass();
+        Self {
+            ws: ExplicitWorkspace::new(model),
+            inverse: LumpedInverse::new(model.node_of_free().iter().map(|&n| model.mass()[n as usize] * damping)),
+            // A row touches three nodes at most.
+            compliance: ComplianceWorkspace::new(rows, NodalRows::with_capacity(rows, 3)),
+        }
     }
 }
 
@@ -99,6 +133,12 @@ pub struct StepWorkspace {
     pub(super) gauss_seidel: GaussSeidelWorkspace,
     /// Factor of this step's own matrix, where the scene asks for exact compliance.
     pub(super) exact: Option<Factor>,
+    /// Newton's method, where it integrates.
+    pub(super) newton: Option<NewtonStage>,
+    /// Central differences, where they integrate.
+    pub(super) explicit: Option<ExplicitStage>,
+    /// The step that the stages take: the scene's, or a substep of it (s).
+    pub(super) dt: f64,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
 }
@@ -126,7 +166,22 @@ impl StepWorkspace {
         let contacts = world.detection().max_contacts;
         let rows = ROWS * contacts;
         let exact = world.description().bodies[0].compliance == ComplianceMethod::Exact;
+        let (mut newton, mut explicit, mut dt) = (None, None, world.dt());
+        match *world.integration() {
+            Integration::BackwardEuler => {}
+            Integration::Newton(_) => {
+                let ws = ImplicitWorkspace::new(model, symbolic);
+                newton = Some(NewtonStage { ws, free: model.rest_state(), factored: false });
+            }
+            Integration::Explicit { dt: substep, .. } => {
+                explicit = Some(ExplicitStage::new(model, substep, rows));
+                dt = substep;
+            }
+        }
         Self {
+            newton,
+            explicit,
+            dt,
             fem: FemWorkspace::new(model),
             rotations: vec![Matrix3::identity(); free],
             pcg: PcgWorkspace::new(free),
