@@ -8,6 +8,7 @@ use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, vio
 use nalgebra::Isometry3;
 use palpate::constraints::compliance::ComplianceMethod;
 use palpate::fem::assembly::assemble;
+use palpate::fem::material::PronyTerm;
 use palpate::haptics::exchange::latest;
 use palpate::haptics::script::ScriptKey;
 use palpate::haptics::snapshot::HapticSnapshot;
@@ -41,6 +42,10 @@ fn worlds() -> impl Iterator<Item = (ComplianceMethod, f64, World)> {
         let change = |scene: &mut palpate::scene::SceneDescription| {
             scene.bodies[0].compliance = method;
             scene.contact.friction = friction;
+            // Elastic tissue without friction, viscous tissue with it.
+            if friction > 0.0 {
+                scene.bodies[0].material.viscosity = vec![PronyTerm { modulus: 0.3, time: 0.2 }];
+            }
             // The same press over and over.
             let once = scene.hand.path.clone();
             let later = |time: f64| move |key: &ScriptKey| ScriptKey { time: time + key.time, ..*key };

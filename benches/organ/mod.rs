@@ -44,7 +44,7 @@ pub(crate) fn liver(cell: f64, change: impl FnOnce(&mut SceneDescription)) -> Wo
 /// The liver all of one law.
 pub(crate) fn liver_of(cell: f64, material: Material) -> World {
     liver(cell, |scene| {
-        scene.bodies[0].material = material;
+        scene.bodies[0].material = material.into();
         scene.bodies[0].regions.clear();
     })
 }

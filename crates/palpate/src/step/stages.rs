@@ -6,6 +6,7 @@ use palpate_collision::detection::detect;
 use palpate_constraints::compliance::{self, ComplianceMethod, WarpedInverse};
 use palpate_constraints::law::{Coulomb, Law, Signorini};
 use palpate_constraints::rows::{ContactRows, RowInput, ToolMotion, build_fixed_rows, build_rows};
+use palpate_fem::assembly::advance_memory;
 use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::integrator::backward_euler::{factor_end, newton_step};
 use palpate_fem::integrator::explicit::explicit_velocity;
@@ -19,7 +20,7 @@ use palpate_solver::report::{SolveReport, SolveStatus};
 use super::workspace::NewtonStage;
 use super::{FailedElement, StepInput, StepReport, StepState, StepStatus, StepWorkspace};
 use crate::refresh::FactorSample;
-use crate::world::World;
+use crate::world::{Integration, World};
 
 /// How far (m) a contact may slide from a remembered force and still start from it: a few tool motions of one step.
 const WARM_START_RADIUS: f64 = 5e-3;
@@ -57,8 +58,11 @@ pub(super) fn newton_motion(
     let Some(stage) = &mut ws.newton else { return };
     stage.free.q.copy_from_slice(&state.fem.q);
     stage.free.v.copy_from_slice(&state.fem.v);
+    stage.free.memory.copy_from_slice(&state.fem.memory);
     stage.factored = false;
     let newton = newton_step(world.model(), ws.dt, &[], config, &mut stage.free, &mut stage.ws);
+    // The matrix of the step's end belongs to the memory of its begin.
+    stage.free.memory.copy_from_slice(&state.fem.memory);
     report.assembly = newton.assembly;
     report.cuts = newton.cuts;
     report.free_motion = PcgReport {
@@ -292,6 +296,11 @@ pub(super) fn correct(
     if touched && !correction(factor, ws) {
         ws.correction.fill(f64::NAN);
     }
+    // Explicit forces are those of a step that ended where this one begins.
+    let explicit = matches!(world.integration(), Integration::Explicit { .. });
+    if explicit {
+        advance_memory(world.model(), &mut state.fem, h);
+    }
     for (k, &node) in world.model().node_of_free().iter().enumerate() {
         let mut v = Vector3::new(ws.v_free[3 * k], ws.v_free[3 * k + 1], ws.v_free[3 * k + 2]);
         if touched {
@@ -307,6 +316,10 @@ pub(super) fn correct(
         state.roll_back();
         report.status = StepStatus::RolledBack;
         (report.force, report.torque) = (Vector3::zeros(), Vector3::zeros());
+        return;
+    }
+    if !explicit {
+        advance_memory(world.model(), &mut state.fem, h);
     }
 }
 

@@ -70,11 +70,13 @@ impl StepState {
     pub(super) fn remember(&mut self) {
         self.before.q.copy_from_slice(&self.fem.q);
         self.before.v.copy_from_slice(&self.fem.v);
+        self.before.memory.copy_from_slice(&self.fem.memory);
     }
 
     /// Puts the body back to the state before the step, at rest.
     pub(super) fn roll_back(&mut self) {
         self.fem.q.copy_from_slice(&self.before.q);
+        self.fem.memory.copy_from_slice(&self.before.memory);
         self.fem.v.fill(Vector3::zeros());
         self.warm_start.clear();
     }

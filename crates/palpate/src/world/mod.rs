@@ -167,7 +167,14 @@ impl World {
 }
 
 fn material_of(body: &crate::scene::BodyDescription, region: &str) -> String {
-    one_line(body.regions.get(region).unwrap_or(&body.material))
+    let tissue = body.regions.get(region).unwrap_or(&body.material);
+    let mut text = one_line(&tissue.law);
+    for (k, term) in tissue.viscosity.iter().enumerate() {
+        let lead = if k == 0 { "; of the shear modulus relax" } else { "," };
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{lead} {:.1} % in {} s", 100.0 * term.modulus, term.time);
+    }
+    text
 }
 
 /// A value as a scene file would say it, on one line.
@@ -214,8 +221,10 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     warnings.extend(locking(body, &mesh));
     let config = FemConfig {
         element: body.element,
-        material: body.material,
-        region_materials: body.regions.clone(),
+        material: body.material.law,
+        viscosity: body.material.viscosity.clone(),
+        region_materials: body.regions.iter().map(|(name, tissue)| (name.clone(), tissue.law)).collect(),
+        region_viscosities: body.regions.iter().map(|(name, t)| (name.clone(), t.viscosity.clone())).collect(),
         density: body.density,
         total_mass: body.total_mass,
         rayleigh_mass: body.rayleigh_mass,
