@@ -134,7 +134,8 @@ fn explicit_substeps_suit_the_critical_step_and_too_few_are_refused_with_the_num
 
 #[test]
 fn settings_of_another_integrator_are_refused_at_their_place() {
-    let with = |lines: &str| Scene::from_toml(&TOML.replacen("density", &format!("{lines}\ndensity"), 1), Path::new(""));
+    let with =
+        |lines: &str| Scene::from_toml(&TOML.replacen("density", &format!("{lines}\ndensity"), 1), Path::new(""));
     for (lines, place, remedy) in [
         ("newton = { iterations = 3 }", "iterations", "integrator = \"newton\""),
         ("explicit = { substeps = 3 }", "substeps", "integrator = \"explicit\""),
