@@ -16,6 +16,7 @@
 //! Contacts are found at the configuration of the step's begin, where the last correction left the skin outside the
 //! tool; `q_free` would show the tool deep in tissue that has already sprung back.
 
+mod guard;
 mod newton;
 mod report;
 mod stages;
@@ -27,6 +28,7 @@ use nalgebra::{Isometry3, Vector3};
 use palpate_fem::assembly::assemble;
 use palpate_haptics::snapshot::HapticSnapshot;
 
+use self::guard::guard;
 use self::newton::newton_with_contact;
 use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
@@ -64,6 +66,7 @@ pub fn step(
             report.assembly = assemble(world.model(), &state.fem, world.dt(), &[], &mut ws.fem);
             report.times.assembly = clock.lap();
             stages::free_motion(world, input.factor, state, ws, &mut report);
+            guard(world, state, ws, &mut report);
             report.times.free_motion = clock.lap();
             contact(world, &input.tool, input.factor, state, ws, &mut report, &mut clock);
         }

@@ -153,6 +153,8 @@ pub struct StepWorkspace {
     pub(super) explicit: Option<ExplicitStage>,
     /// The step that the stages take: the scene's, or a substep of it (s).
     pub(super) dt: f64,
+    /// Configurations that the guard tries.
+    pub(super) trial: FemState,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
 }
@@ -195,6 +197,7 @@ impl StepWorkspace {
             newton,
             explicit,
             dt,
+            trial: model.rest_state(),
             fem: FemWorkspace::new(model),
             rotations: vec![Matrix3::identity(); free],
             pcg: PcgWorkspace::new(free),
