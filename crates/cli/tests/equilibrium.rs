@@ -57,3 +57,15 @@ fn check_and_run_print_the_integrator_and_the_critical_step() {
     assert_eq!(refused.code, Some(2), "{refused:?}");
     assert!(refused.err.contains("critical") && refused.err.contains("substeps"), "{}", refused.err);
 }
+
+#[test]
+fn a_run_by_any_integrator_replays_to_the_bit() {
+    for integrator in ["newton", "explicit"] {
+        let text = SCENE.replace("rayleigh_stiffness = 0.005", &format!("integrator = \"{integrator}\""));
+        let place = Place::with(&text);
+        let run = place.run("run scene.toml --lockstep --seconds 0.5");
+        assert_eq!(run.code, Some(0), "{run:?}");
+        let replay = place.run("replay small.mcap");
+        assert!(replay.code == Some(0) && replay.out.contains("the same to the bit"), "{integrator}: {replay:?}");
+    }
+}

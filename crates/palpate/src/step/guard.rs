@@ -5,7 +5,8 @@
 //! method on the potential `Φ` of [`palpate_fem::integrator::potential`]; it is halved until `Φ(q + t d) <= Φ(q)`. The
 //! terms besides the elastic energy need no product with the matrix, since `A d = h² r`.
 //!
-//! The guard looks only at steps that give it a reason; others cost nothing and keep their bits.
+//! The guard looks only at steps that give it a reason; others cost nothing and keep their bits. It does not see contact,
+//! which corrects the motion afterwards.
 
 use nalgebra::Vector3;
 use palpate_fem::assembly::elastic_energy;
@@ -27,7 +28,7 @@ pub(super) fn guard(world: &World, state: &StepState, ws: &mut StepWorkspace, re
     let h = ws.dt;
     let farthest = ws.v_free.chunks_exact(3).map(|v| h * Vector3::new(v[0], v[1], v[2]).norm()).fold(0.0, f64::max);
     let reason = report.assembly.inverted > 0 || report.assembly.min_jacobian < CRUSHED || farthest > FAR * ws.size;
-    if !reason || report.assembly.non_finite.is_some() {
+    if !world.description().bodies[0].guard || !reason || report.assembly.non_finite.is_some() {
         return;
     }
     let [linear, quadratic] = rest_of_the_potential(world, state, ws);
