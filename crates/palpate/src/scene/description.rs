@@ -133,6 +133,9 @@ pub struct BodyDescription {
     /// Projects element tangents to be positive semidefinite.
     #[serde(default = "yes")]
     pub definiteness_filter: bool,
+    /// Shortens motions that would raise the energy of crushed or inverted tissue; off for maps of limits.
+    #[serde(default = "yes")]
+    pub guard: bool,
     /// Where the compliance of the contacts comes from.
     #[serde(default)]
     pub compliance: ComplianceMethod,
