@@ -47,7 +47,9 @@ fn a_free_vibration_is_damped_and_slowed_as_theory_says() {
                 let turned = (-v / omega).atan2(x);
                 let expected = (f64::from(steps) * product.atan()).sin_cos();
                 let phase = (turned.sin() - expected.0).hypot(turned.cos() - expected.1);
-                println!("mode {k}, ωh = {product}, newton {newton}: factor {shrink:.8} of {theory:.8}, phase {phase:.1e}");
+                println!(
+                    "mode {k}, ωh = {product}, newton {newton}: factor {shrink:.8} of {theory:.8}, phase {phase:.1e}"
+                );
                 // Rounding: positions of 0.08 m are known to 1e-17 m beside a motion of 1e-9 m.
                 assert!((shrink / theory - 1.0).abs() < 2e-5 && phase < 2e-5, "{shrink} {theory} {phase}");
             }
@@ -106,7 +108,10 @@ fn the_energy_of_newtons_steps_never_grows_up_to_a_second() {
                 let report = newton_step(&model, h, &[], &NewtonConfig::default(), &mut state, &mut ws);
                 let after = energy(&model, &state);
                 // The tolerance of Newton's method: 1e-9 of the forces over motions of the size of the body.
-                assert!(after <= before + 1e-9 * begin, "{law} h {h}, free {free}, step {k}: {before} {after} {report:?}");
+                assert!(
+                    after <= before + 1e-9 * begin,
+                    "{law} h {h}, free {free}, step {k}: {before} {after} {report:?}"
+                );
                 // The corotational law's forces jump on its ridge; there the iterations may run out.
                 assert!(report.is_converged() || *law != "neo_hookean", "{h} {free}, step {k}: {report:?}");
                 assert!(report.decrease >= -1e-12 * begin, "{report:?}");

@@ -38,7 +38,12 @@ fn the_reaction_carries_the_weight_and_the_loads() {
         let weight = GRAVITY * model.mass().iter().sum::<f64>();
         let load: Vector3<f64> = f_ext.iter().sum();
         let error = (report.reaction + weight + load).norm() / weight.norm();
-        println!("{law}: {} iterations, {} cuts, reaction {:?} N", report.iterations, report.cuts, report.reaction.as_slice());
+        println!(
+            "{law}: {} iterations, {} cuts, reaction {:?} N",
+            report.iterations,
+            report.cuts,
+            report.reaction.as_slice()
+        );
         // The residual of all free nodes together: 1e-9 of the forces, times the root of their number.
         assert!(error < 1e-7, "{law}: {error:e}");
         assert!(state.v.iter().all(|v| *v == Vector3::zeros()));
@@ -98,18 +103,25 @@ fn driven_ends_are_followed_through_large_motions() {
         let motions: [(&str, Box<dyn Fn(Vector3<f64>) -> Vector3<f64>>); 3] = [
             ("pulled by half", Box::new(|x| x + Vector3::new(0.04, 0.0, 0.0))),
             ("crushed by a tenth", Box::new(|x| x - Vector3::new(0.008, 0.0, 0.0))),
-            ("bent aside", Box::new(|x| {
-                let pivot = Vector3::new(0.08, 0.01, 0.01);
-                pivot + Vector3::new(-0.01, 0.0, 0.02) + Rotation3::from_axis_angle(&Vector3::y_axis(), -0.5) * (x - pivot)
-            })),
+            (
+                "bent aside",
+                Box::new(|x| {
+                    let pivot = Vector3::new(0.08, 0.01, 0.01);
+                    pivot
+                        + Vector3::new(-0.01, 0.0, 0.02)
+                        + Rotation3::from_axis_angle(&Vector3::y_axis(), -0.5) * (x - pivot)
+                }),
+            ),
         ];
         for (name, motion) in motions {
             let prescribed = driven(&model, end, motion);
             let mut state = model.rest_state();
             let loads = Loads { prescribed: &prescribed, ..Loads::default() };
             let report = equilibrium(&model, &loads, &EquilibriumConfig::default(), &mut state, &mut ws).unwrap();
-            println!("{law}, {name}: {} load steps, {} halvings, {} iterations, {} filtered, residual {:.1e}",
-                report.load_steps, report.halvings, report.iterations, report.filtered, report.newton.relative_residual);
+            println!(
+                "{law}, {name}: {} load steps, {} halvings, {} iterations, {} filtered, residual {:.1e}",
+                report.load_steps, report.halvings, report.iterations, report.filtered, report.newton.relative_residual
+            );
             assert!(report.is_converged(), "{law}, {name}: {report:?}");
             for p in &prescribed {
                 assert_eq!(state.q[p.node as usize], p.position, "to the bit");

@@ -39,8 +39,10 @@ fn the_critical_step_is_that_of_the_largest_eigenvalue() {
             let (model, symbolic, _) = body(&mesh, &config);
             let exact = *Modes::new(&model).omega.last().unwrap();
             let critical = critical_step(&model, &model.rest_state(), &symbolic);
-            println!("{cells:?}, β = {beta}: ω = {exact:.3} in {:.3}..{:.3} rad/s, h < {:.4e} s from {} vectors",
-                critical.lower, critical.upper, critical.step, critical.vectors);
+            println!(
+                "{cells:?}, β = {beta}: ω = {exact:.3} in {:.3}..{:.3} rad/s, h < {:.4e} s from {} vectors",
+                critical.lower, critical.upper, critical.step, critical.vectors
+            );
             // A Ritz value is a lower bound up to rounding, a certificate an upper one.
             assert!(critical.lower <= exact * (1.0 + 1e-12) && exact < critical.upper);
             // The Lanczos residual of 1e-3 bounds the eigenvalue's error; its root halves it.
@@ -76,18 +78,21 @@ fn the_period_of_a_free_mode_is_that_of_the_scheme() {
         let h = product / modes.omega[k];
         let phase = 2.0 * (0.5 * product).asin();
         for size in [1e-10, 1e-9, 1e-8, 1e-7, 1e-6] {
-        let mut worst = 0.0_f64;
-        let (mut state, amplitude) = modes.deflected(&model, k, size);
-        stagger(&model, h, &[], &mut state, &mut ws);
-        for n in 1..=60 {
-            explicit_step(&model, h, &[], &mut state, &mut ws);
-            let x = modes.of(&model, &state, k)[0] / amplitude;
-            worst = worst.max((x - (phase * f64::from(n)).cos()).abs());
-        }
-        println!("mode {k}, size {size:e}: error {worst:e}");
+            let mut worst = 0.0_f64;
+            let (mut state, amplitude) = modes.deflected(&model, k, size);
+            stagger(&model, h, &[], &mut state, &mut ws);
+            for n in 1..=60 {
+                explicit_step(&model, h, &[], &mut state, &mut ws);
+                let x = modes.of(&model, &state, k)[0] / amplitude;
+                worst = worst.max((x - (phase * f64::from(n)).cos()).abs());
+            }
+            println!("mode {k}, size {size:e}: error {worst:e}");
         }
         let period = product / phase;
-        println!("mode {k}, ωh = {product}: period {period:.6} of the true one, theory {:.6}", 1.0 - product * product / 24.0);
+        println!(
+            "mode {k}, ωh = {product}: period {period:.6} of the true one, theory {:.6}",
+            1.0 - product * product / 24.0
+        );
         assert!((period - (1.0 - product * product / 24.0)).abs() < 0.01 * product * product);
     }
 }
@@ -142,10 +147,7 @@ fn a_step_above_the_critical_one_is_refused_with_the_substeps_that_it_needs() {
     let critical = CriticalStep { lower: 1000.0, upper: 1000.0, step: 2e-3, vectors: 9 };
     assert_eq!(check_step(2e-3, &critical), Ok(()));
     let error = check_step(1.0 / 30.0, &critical).unwrap_err();
-    assert_eq!(
-        error,
-        ExplicitError::Unstable { dt: 1.0 / 30.0, critical: 2e-3, omega: 1000.0, substeps: 17 }
-    );
+    assert_eq!(error, ExplicitError::Unstable { dt: 1.0 / 30.0, critical: 2e-3, omega: 1000.0, substeps: 17 });
     assert!(error.to_string().contains("17 substeps") && error.to_string().contains("2.0000e-3"), "{error}");
     assert_eq!(critical.substeps(1.0 / 30.0, 0.5), 34);
     assert_eq!(critical.substeps(1e-3, 0.9), 1);

@@ -31,9 +31,14 @@ pub(super) fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorks
         f_int: &mut ws.f_int,
     };
     let report = match model.element_kind() {
-        ElementKind::Linear => sums.fill(&mut ws.results, |batch, results: &mut [ElementMatrices]| {
-            batch.material.batch(batch.of(model.elements()), q, filter, results)
-        }),
+        ElementKind::Linear => model.pack_lists().fill(
+            model.packs(),
+            model.batches(),
+            &mut ws.pack_results,
+            parallel,
+            (&mut ws.upper, &mut ws.f_int),
+            |batch, packs, results| batch.material.packed(packs, q, filter, results),
+        ),
         ElementKind::Quadratic => sums.fill(&mut ws.quadratic_results, |batch, results: &mut [QuadraticMatrices]| {
             quadratic_batch(&batch.material, batch.of(model.quadratic_elements()), q, filter, results)
         }),

@@ -59,7 +59,11 @@ pub struct EquilibriumConfig {
 impl Default for EquilibriumConfig {
     /// The whole load at once; down to a thousandth of it.
     fn default() -> Self {
-        Self { newton: NewtonConfig { iterations: 30, ..NewtonConfig::default() }, first_step: 1.0, smallest_step: 1e-3 }
+        Self {
+            newton: NewtonConfig { iterations: 30, ..NewtonConfig::default() },
+            first_step: 1.0,
+            smallest_step: 1e-3,
+        }
     }
 }
 

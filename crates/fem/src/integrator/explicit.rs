@@ -81,7 +81,9 @@ pub enum ExplicitError {
         substeps: u32,
     },
     /// A free node without mass.
-    #[error("node {node} has no mass: explicit integration divides by it; give a density, or use an implicit integrator")]
+    #[error(
+        "node {node} has no mass: explicit integration divides by it; give a density, or use an implicit integrator"
+    )]
     Massless {
         /// The mesh node.
         node: u32,
@@ -158,7 +160,13 @@ pub fn stagger(model: &FemModel, dt: f64, f_ext: &[Vector3<f64>], state: &mut Fe
 }
 
 /// Takes the velocity of `state` from half a step `dt` (s) before `q` to the time of `q`.
-pub fn synchronise(model: &FemModel, dt: f64, f_ext: &[Vector3<f64>], state: &mut FemState, ws: &mut ExplicitWorkspace) {
+pub fn synchronise(
+    model: &FemModel,
+    dt: f64,
+    f_ext: &[Vector3<f64>],
+    state: &mut FemState,
+    ws: &mut ExplicitWorkspace,
+) {
     shift(model, dt, 1.0, f_ext, state, ws);
 }
 

@@ -58,6 +58,12 @@ pub trait Real:
         self.map(f64::ln)
     }
 
+    /// Cube root.
+    #[inline(always)]
+    fn cbrt(self) -> Self {
+        self.map(f64::cbrt)
+    }
+
     /// Exponential function.
     #[inline(always)]
     fn exp(self) -> Self {

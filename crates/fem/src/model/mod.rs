@@ -10,11 +10,12 @@ use nalgebra::Vector3;
 pub use self::config::{FemConfig, FemError, MAX_STIFFNESS_RATIO};
 use self::elements::Elements;
 use crate::{
-    assembly::ScatterLists,
+    assembly::{PackLists, ScatterLists},
     averaging::{Averaging, Groups, cliques},
     element::{ElementKind, QuadraticTetrahedron, Tetrahedron, quadratic::POINTS},
     material::{BATCH, Bulk, Law, Material},
     mesh::TetMesh,
+    pack::{PACK, Pack},
     sparse::{BlockPattern, FIXED},
 };
 
@@ -31,6 +32,8 @@ pub struct FemState {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Batch {
     pub(crate) elements: Range<usize>,
+    /// Empty unless the elements are linear.
+    pub(crate) packs: Range<usize>,
     pub(crate) material: Material,
 }
 
@@ -51,6 +54,8 @@ pub struct FemModel {
     free_tetrahedra: Vec<[u32; 4]>,
     mesh_tetrahedron: Vec<u32>,
     batches: Vec<Batch>,
+    packs: Vec<Pack>,
+    pack_lists: PackLists,
     mass: Vec<f64>,
     free_of_node: Vec<u32>,
     node_of_free: Vec<u32>,
@@ -100,7 +105,12 @@ impl FemModel {
         let free = node_of_free.len();
         let mut averaging = None;
         let (pattern, scatter) = match config.element {
-            ElementKind::Linear => lists(&corners, &[], &free_of_node, free),
+            // Packs have lists of their own: here only the pattern, and the numbers of its upper blocks.
+            ElementKind::Linear => {
+                let pattern = BlockPattern::from_cliques(free, free_tetrahedra.iter().map(<[u32; 4]>::as_slice));
+                let scatter = ScatterLists::new::<4>(&pattern, &[], &free_of_node);
+                (Arc::new(pattern), scatter)
+            }
             ElementKind::Quadratic => lists(&ten_nodes, &[], &free_of_node, free),
             ElementKind::Averaged => {
                 let of_element: Vec<usize> = order.iter().map(|&t| material_of_region[region_of(t as usize)]).collect();
@@ -117,7 +127,12 @@ impl FemModel {
             }
         };
         let size = batch_size(config.element);
-        let batches = batches(order.iter().map(|&t| material_of_region[region_of(t as usize)]), &materials, size);
+        let mut batches = batches(order.iter().map(|&t| material_of_region[region_of(t as usize)]), &materials, size);
+        let (mut packs, mut pack_lists) = (Vec::new(), PackLists::default());
+        if config.element == ElementKind::Linear {
+            packs = pack(&mut batches, &elements);
+            pack_lists = PackLists::new(&packs, &batches, &free_of_node, &pattern, &scatter);
+        }
         Ok(Self {
             q_rest: mesh.nodes.clone(),
             kind: config.element,
@@ -126,6 +141,8 @@ impl FemModel {
             free_tetrahedra,
             mesh_tetrahedron: order,
             batches,
+            packs,
+            pack_lists,
             mass,
             free_of_node,
             node_of_free,
@@ -248,6 +265,16 @@ impl FemModel {
         self.averaging.as_ref()
     }
 
+    /// The elements of a linear body in packs of one material each, in the order of [`FemModel::elements`]; empty for other
+    /// kinds.
+    pub fn packs(&self) -> &[Pack] {
+        &self.packs
+    }
+
+    pub(crate) fn pack_lists(&self) -> &PackLists {
+        &self.pack_lists
+    }
+
     pub(crate) fn scatter(&self) -> &ScatterLists {
         &self.scatter
     }
@@ -367,9 +394,20 @@ fn batches(material_of_element: impl Iterator<Item = usize>, materials: &[Materi
     for (e, m) in material_of_element.enumerate() {
         match batches.last_mut() {
             Some(batch) if m == last && batch.elements.len() < size => batch.elements.end = e + 1,
-            _ => batches.push(Batch { elements: e..e + 1, material: materials[m] }),
+            _ => batches.push(Batch { elements: e..e + 1, packs: 0..0, material: materials[m] }),
         }
         last = m;
     }
     batches
+}
+
+/// Cuts each batch into packs and tells it which are its own.
+fn pack(batches: &mut [Batch], elements: &[Tetrahedron]) -> Vec<Pack> {
+    let mut packs = Vec::with_capacity(batches.len() * BATCH.div_ceil(PACK));
+    for batch in batches {
+        let first = packs.len();
+        packs.extend(batch.of(elements).chunks(PACK).filter_map(Pack::new));
+        batch.packs = first..packs.len();
+    }
+    packs
 }

@@ -8,13 +8,15 @@
 
 pub mod principal;
 mod six_pieces;
+mod small_strain;
 
 use nalgebra::Vector3;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Simd;
 
 pub(crate) use self::{
     principal::{PrincipalLaw, principal_batch},
     six_pieces::six_pieces_batch,
+    small_strain::small_strain_batch,
 };
 use crate::{
     lanes::{Lanes, Mat3, Real, Vec3},
@@ -145,10 +147,4 @@ impl<S: Simd> Free<Lanes<S>> {
         checksum.store(&mut out.checksum, part);
         self.jacobian.store(&mut out.jacobian, part);
     }
-}
-
-/// Runs `op` with the widest vectors of this machine.
-#[inline]
-fn dispatch<Op: WithSimd>(arch: Arch, op: Op) -> Op::Output {
-    arch.dispatch(op)
 }

@@ -9,7 +9,7 @@
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{Free, TRIANGLE, dispatch, for_packs, load3, load6, load33, parts, store3, store33};
+use super::{Free, TRIANGLE, for_packs, load3, load6, load33, parts, store3, store33};
 use crate::{
     lanes::{
         Lanes, Mat3, Real, Vec3, cross, dot, eigenvectors, matrix_product, scaled, signed_svd, transposed_product,
@@ -73,9 +73,9 @@ pub(crate) fn principal_batch<L: PrincipalLaw>(
     let mut scratch = Scratch::ZERO;
     for_packs(packs, q, out, |pack, edges, out| {
         let scratch = &mut scratch;
-        dispatch(arch, Decompose { pack, edges, scratch });
-        dispatch(arch, Respond { law, pack, scratch });
-        dispatch(arch, Assemble { pack, edges, filter, scratch, out });
+        arch.dispatch(Decompose { pack, edges, scratch });
+        arch.dispatch(Respond { law, pack, scratch });
+        arch.dispatch(Assemble { pack, edges, filter, scratch, out });
     })
 }
 

@@ -12,7 +12,7 @@
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{Free, TRIANGLE, dispatch, for_packs, load6, load33, parts};
+use super::{Free, TRIANGLE, for_packs, load6, load33, parts};
 use crate::{
     lanes::{Lanes, Mat3, Real, Vec3, cross, dot, scaled, sum},
     material::{
@@ -30,7 +30,7 @@ pub(crate) fn six_pieces_batch<L: Hyperelastic>(
     out: &mut [PackMatrices],
 ) -> BatchReport {
     let arch = Arch::new();
-    for_packs(packs, q, out, |pack, edges, out| dispatch(arch, SixPieces { law, pack, edges, out }))
+    for_packs(packs, q, out, |pack, edges, out| arch.dispatch(SixPieces { law, pack, edges, out }))
 }
 
 struct SixPieces<'a, L> {
