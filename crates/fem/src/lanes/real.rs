@@ -4,6 +4,8 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use pulp::Simd;
 
+use super::elementary;
+
 /// A real number, or one in each lane. Comparisons with NaN are false.
 pub trait Real:
     Copy
@@ -52,28 +54,23 @@ pub trait Real:
         self.or_where_not(self.above(other), other)
     }
 
-    /// Natural logarithm.
+    /// Natural logarithm of a positive normal number ([`elementary::ln`]).
     #[inline(always)]
     fn ln(self) -> Self {
-        self.map(f64::ln)
+        elementary::ln(self)
     }
 
-    /// Cube root.
-    #[inline(always)]
-    fn cbrt(self) -> Self {
-        self.map(f64::cbrt)
-    }
-
-    /// Exponential function.
+    /// Exponential function ([`elementary::exp`]).
     #[inline(always)]
     fn exp(self) -> Self {
-        self.map(f64::exp)
+        elementary::exp(self)
     }
 
-    /// Power with a constant exponent.
+    /// Power of a positive normal number with a constant exponent; the error is `|exponent ln self|` units in the last
+    /// place.
     #[inline(always)]
     fn powf(self, exponent: f64) -> Self {
-        self.map(|x| x.powf(exponent))
+        (self.ln() * exponent).exp()
     }
 }
 

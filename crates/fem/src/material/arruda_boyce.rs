@@ -124,7 +124,7 @@ impl Hyperelastic for ArrudaBoyce {
     fn response<T: Real>(&self, I1: T, _: T, J: T) -> Response<T> {
         let (zero, one) = (J.constant(0.0), J.constant(1.0));
         let j = guarded(J);
-        let root = j.value.cbrt().recip();
+        let root = j.value.powf(-1.0 / 3.0);
         let factor = root * root;
         let mut response = Response::volume(&logarithmic(0.0, self.bulk, J));
         // J^(-2p/3), c_p = m w_p N^(1-p), I1^(p-2) and 3^p, raised by one power in each turn; I1 >= 0 may vanish.

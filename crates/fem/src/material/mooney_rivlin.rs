@@ -109,7 +109,7 @@ impl Hyperelastic for MooneyRivlin {
             beta: zero,
         };
         let j = guarded(J);
-        let root = j.value.cbrt().recip();
+        let root = j.value.powf(-1.0 / 3.0);
         let root2 = root * root;
         let bulk = logarithmic(0.0, self.bulk, J);
         let rest = VolumeFactor { value: bulk.value - 3.0 * (self.c1 + self.c2), ..bulk };

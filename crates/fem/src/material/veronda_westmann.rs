@@ -117,7 +117,7 @@ impl Hyperelastic for VerondaWestmann {
     fn response<T: Real>(&self, I1: T, I2: T, J: T) -> Response<T> {
         let Self { c1, c2, bulk } = *self;
         let j = guarded(J);
-        let root = j.value.cbrt().recip();
+        let root = j.value.powf(-1.0 / 3.0);
         let root2 = root * root;
         let f = power_of(&j, -2.0 / 3.0, root2);
         let scaled = VolumeFactor { value: f.value * c2, first: f.first * c2, second: f.second * c2 };
