@@ -11,6 +11,7 @@ const EXAMPLES: &str = "Examples:
   palpate run liver --lockstep --steps 90    the same in virtual time: equal bits on every run
   palpate run my_scene.toml --no-trace --csv steps.csv --json > summary.json
   palpate check my_scene.toml                find mistakes, print what was understood
+  palpate equilibrium my_scene.toml --final state.vtu
   palpate mesh organ.msh                     size, quality and faults of a mesh
   palpate mesh make liver.inr.gz --cell 10mm --out organ.vtu
   palpate replay liver.mcap                  run a trace again and compare every force";
@@ -38,6 +39,9 @@ pub(crate) enum Command {
         /// Scene file or name of a bundled scene.
         scene: String,
     },
+    /// Find the static equilibrium of a scene's body under gravity, without contact.
+    #[command(after_help = exit::HELP)]
+    Equilibrium(EquilibriumArguments),
     /// Describe a mesh, or make one (`palpate mesh make --help`).
     #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
     Mesh(MeshArguments),
@@ -93,6 +97,18 @@ pub(crate) struct RunArguments {
     /// Print no progress line.
     #[arg(long, short)]
     pub(crate) quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct EquilibriumArguments {
+    /// Scene file or name of a bundled scene.
+    pub(crate) scene: String,
+    /// Write the body in equilibrium as VTU.
+    #[arg(long = "final", value_name = "FILE")]
+    pub(crate) final_state: Option<PathBuf>,
+    /// Print the result as JSON, and nothing else on standard output.
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]

@@ -26,6 +26,7 @@ fn main() -> ExitCode {
     let outcome = match arguments.command {
         Command::Run(run) => command::run::run(&run),
         Command::Check { scene } => command::check::check(&scene),
+        Command::Equilibrium(equilibrium) => command::equilibrium::equilibrium(&equilibrium),
         Command::Mesh(mesh) => command::mesh::mesh(&mesh),
         Command::Scenes => command::scenes::scenes(),
         Command::Replay { trace } => command::replay::replay(&trace),

@@ -3,5 +3,6 @@
 pub mod compliance;
 pub mod frame;
 pub mod law;
+pub mod lumped;
 pub mod rows;
 pub mod warm_start;

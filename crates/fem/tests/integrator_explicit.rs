@@ -74,25 +74,23 @@ fn the_period_of_a_free_mode_is_that_of_the_scheme() {
     let (model, _, _) = body(&mesh, &clamped(&mesh, "neo_hookean"));
     let modes = Modes::new(&model);
     let mut ws = ExplicitWorkspace::new(&model);
-    for (k, product) in [(0, 0.02), (4, 0.2), (modes.omega.len() - 1, 1.0)] {
+    for (k, product) in [(0, 0.02), (modes.omega.len() - 11, 0.5), (modes.omega.len() - 1, 1.0)] {
         let h = product / modes.omega[k];
         let phase = 2.0 * (0.5 * product).asin();
-        for size in [1e-10, 1e-9, 1e-8, 1e-7, 1e-6] {
-            let mut worst = 0.0_f64;
-            let (mut state, amplitude) = modes.deflected(&model, k, size);
-            stagger(&model, h, &[], &mut state, &mut ws);
-            for n in 1..=60 {
-                explicit_step(&model, h, &[], &mut state, &mut ws);
-                let x = modes.of(&model, &state, k)[0] / amplitude;
-                worst = worst.max((x - (phase * f64::from(n)).cos()).abs());
-            }
-            println!("mode {k}, size {size:e}: error {worst:e}");
+        let (mut state, amplitude) = modes.deflected(&model, k, 1e-8);
+        stagger(&model, h, &[], &mut state, &mut ws);
+        for n in 1..=60 {
+            explicit_step(&model, h, &[], &mut state, &mut ws);
+            let x = modes.of(&model, &state, k)[0] / amplitude;
+            // No damping at all; a strain of 1e-6 keeps the law linear to that share.
+            assert!((x - (phase * f64::from(n)).cos()).abs() < 1e-5, "mode {k}, step {n}: {x}");
         }
         let period = product / phase;
         println!(
             "mode {k}, ωh = {product}: period {period:.6} of the true one, theory {:.6}",
             1.0 - product * product / 24.0
         );
+        // The next term of the series is 3/640 (ωh)⁴ or so.
         assert!((period - (1.0 - product * product / 24.0)).abs() < 0.01 * product * product);
     }
 }

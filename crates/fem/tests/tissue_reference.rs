@@ -8,7 +8,7 @@ use std::{fs, path::PathBuf};
 use nalgebra::Vector3;
 use palpate_fem::{
     assembly::FemWorkspace,
-    material::NeoHookean,
+    material::{Lame, MooneyRivlin, NeoHookean, StVenantKirchhoff},
     mesh::TetMesh,
     model::{FemConfig, FemModel},
 };
@@ -73,7 +73,15 @@ fn agrees_with_reference(case: &str) {
     let parameter = |name: &str| reference["parameters"][name].as_f64().unwrap();
     let gravity = if reference["gravity"].is_null() { Vector3::zeros() } else { vector(&reference["gravity"]) };
     let config = FemConfig {
-        material: NeoHookean::from_moduli(parameter("mu"), parameter("k0")).unwrap().into(),
+        material: match reference["law"].as_str().unwrap() {
+            "neo_hookean" => NeoHookean::from_moduli(parameter("mu"), parameter("k0")).unwrap().into(),
+            "mooney_rivlin" => MooneyRivlin { c1: parameter("c1"), c2: parameter("c2"), bulk: parameter("k0") }.into(),
+            "st_venant_kirchhoff" => {
+                let lame = Lame { mu: parameter("mu"), lambda: parameter("lambda") };
+                StVenantKirchhoff { young: lame.young(), poisson: lame.poisson() }.into()
+            }
+            law => panic!("no law called {law}"),
+        },
         density: reference["density"].as_f64().unwrap(),
         fixed: bottom_nodes.iter().chain(&held_top).copied().collect(),
         filter: false,
@@ -116,4 +124,14 @@ fn a_compressed_neo_hookean_block_agrees_with_an_independent_code() {
 #[test]
 fn a_sagging_neo_hookean_block_agrees_with_an_independent_code() {
     agrees_with_reference("sag_neo_hookean");
+}
+
+#[test]
+fn a_sheared_mooney_rivlin_block_agrees_with_an_independent_code() {
+    agrees_with_reference("shear_mooney_rivlin");
+}
+
+#[test]
+fn a_stretched_st_venant_kirchhoff_block_agrees_with_an_independent_code() {
+    agrees_with_reference("stretch_st_venant_kirchhoff");
 }

@@ -12,7 +12,7 @@ use crate::run::{RunError, RunOptions, RunOutcome};
 use crate::settle::settle;
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, step};
 use crate::tick::Ticker;
-use crate::world::World;
+use crate::world::{Integration, World};
 
 /// All stages of a run.
 pub(crate) struct Engine<'w> {
@@ -30,8 +30,9 @@ impl<'w> Engine<'w> {
     pub(crate) fn new(world: &'w World, options: &RunOptions) -> Result<Self, RunError> {
         let mut notes = Vec::new();
         let (rest, settled) = settle(world);
-        if !settled {
-            notes.push("the body did not settle under gravity; it begins as near to rest as it came".to_string());
+        if let Some(report) = settled.filter(|report| !report.is_converged()) {
+            let share = 100.0 * report.reached;
+            notes.push(format!("the body did not settle under gravity; it begins at rest under {share:.1} % of it"));
         }
         let mut ws = StepWorkspace::new(world);
         let first = FactorSample::first(world, &rest, &mut ws)?;
@@ -89,7 +90,8 @@ impl StepStage<'_> {
         let input = StepInput { time, tool: *self.poses.latest(), factor: self.port.factor() };
         let report = step(self.world, &input, &mut self.state, &mut self.ws, self.snapshots.value_mut());
         self.snapshots.publish();
-        if report.status == StepStatus::Advanced {
+        // The other integrators use no factor of an older step.
+        if report.status == StepStatus::Advanced && *self.world.integration() == Integration::BackwardEuler {
             self.port.offer(report.step, time, self.state.before(), &self.ws.fem.system);
         }
         report

@@ -11,6 +11,7 @@ use crate::world::World;
 /// Tails, counts and extremes of a run so far.
 pub(crate) struct Gathering {
     body: String,
+    regions: Vec<String>,
     pub(crate) end: RunEnd,
     pub(crate) failed: bool,
     pub(crate) missed: u64,
@@ -43,6 +44,7 @@ impl Gathering {
         let nanoseconds = || Tail::new(1e-9);
         Self {
             body: world.description().bodies[0].name.clone(),
+            regions: world.mesh().region_names.clone(),
             end: RunEnd::Completed,
             failed: false,
             missed: 0,
@@ -84,12 +86,19 @@ impl Gathering {
         self.worst_residual = self.worst_residual.max(report.solve.residual);
         if report.status == StepStatus::RolledBack {
             self.failed = true;
-            let tetrahedron = match report.assembly.non_finite {
-                Some(t) => format!("tetrahedron {t} is not finite"),
-                None => format!("the smallest volume ratio was {:.3}", report.assembly.min_jacobian),
+            let place = match report.failed {
+                Some(failed) => {
+                    let region = self.regions.get(usize::from(failed.region)).map_or("", String::as_str);
+                    format!("at tetrahedron {} of region `{region}`", failed.tetrahedron)
+                }
+                None => "nowhere in particular".into(),
+            };
+            let cause = match report.assembly.non_finite {
+                Some(_) => "whose force is not finite".into(),
+                None => format!("while the smallest volume ratio was {:.3}", report.assembly.min_jacobian),
             };
             self.notes.push(format!(
-                "step {} at {:.3} s: body {} became non-finite or was torn apart, and was rolled back ({tetrahedron}); \
+                "step {} at {:.3} s: body {} became non-finite or was torn apart {place}, {cause}, and was rolled back; \
                  try a smaller step, a softer press or a finer mesh",
                 report.step, report.time, self.body
             ));
@@ -131,6 +140,7 @@ impl Gathering {
         RunSummary {
             scene: world.scene().name().into(),
             mode: if wall.is_some() { "real time" } else { "lockstep" },
+            integrator: world.integration().to_string(),
             end: self.end,
             simulated: self.time + 1.0 / world.description().rates.tick,
             wall: wall.unwrap_or(0.0),

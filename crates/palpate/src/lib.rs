@@ -27,7 +27,7 @@ pub mod refresh;
 pub mod replay;
 pub mod run;
 pub mod scene;
-mod settle;
+pub mod settle;
 pub mod simulation;
 pub mod step;
 pub mod summary;

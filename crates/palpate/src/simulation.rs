@@ -9,7 +9,7 @@ use crate::refresh::FactorSample;
 use crate::run::RunError;
 use crate::settle::settle;
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, step};
-use crate::world::World;
+use crate::world::{Integration, World};
 
 /// A body and a tool without device, threads and trace: for programs that bring their own loop, and for measuring.
 ///
@@ -56,7 +56,8 @@ impl<'w> Simulation<'w> {
         let time = self.state.step as f64 * self.world.dt();
         let input = StepInput { time, tool: *tool, factor: &self.factor };
         let report = step(self.world, &input, &mut self.state, &mut self.ws, &mut self.snapshot);
-        let due = self.refresh_every > 0 && self.state.step.is_multiple_of(self.refresh_every);
+        let own = *self.world.integration() != Integration::BackwardEuler;
+        let due = !own && self.refresh_every > 0 && self.state.step.is_multiple_of(self.refresh_every);
         if due && report.status == StepStatus::Advanced {
             self.refresh(&report);
         }

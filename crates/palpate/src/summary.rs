@@ -95,6 +95,8 @@ pub struct RunSummary {
     pub scene: String,
     /// `real time` or `lockstep`.
     pub mode: &'static str,
+    /// The integrator, with its substeps and critical step where it has them.
+    pub integrator: String,
     /// How the run ended.
     pub end: RunEnd,
     /// Simulated time (s).

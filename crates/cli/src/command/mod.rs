@@ -1,6 +1,7 @@
 //! One file per command.
 
 pub(crate) mod check;
+pub(crate) mod equilibrium;
 pub(crate) mod mesh;
 pub(crate) mod replay;
 pub(crate) mod run;

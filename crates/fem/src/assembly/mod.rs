@@ -15,16 +15,21 @@
 mod packed;
 mod scatter;
 mod sum;
+mod viscous;
 
 use nalgebra::{Matrix3, Vector3};
 
+pub use self::viscous::advance_memory;
 pub(crate) use self::{packed::PackLists, scatter::ScatterLists};
-use self::{scatter::slots, sum::sum_elements};
+use self::{scatter::slots, sum::sum_elements, viscous::StepTissue};
 use crate::{
     averaging::AveragingWorkspace,
-    element::{ElementKind, ElementMatrices, NodalShares, quadratic::QuadraticMatrices},
+    element::{
+        ElementKind, ElementMatrices, NodalShares, QuadraticTetrahedron,
+        quadratic::{POINTS, QuadraticMatrices},
+    },
     material::{BatchReport, Law},
-    model::{FemModel, FemState},
+    model::{Batch, FemModel, FemState},
     pack::{PACK, PackMatrices},
     sparse::SystemMatrix,
 };
@@ -41,6 +46,9 @@ pub struct FemWorkspace {
     pub rhs: Vec<f64>,
     /// Internal force on every mesh node (N), fixed ones included: there it is minus the reaction.
     pub f_int: Vec<Vector3<f64>>,
+    /// The step (s) in which viscous tissue relaxes, for functions that are told none. At first infinity: the relaxed
+    /// equilibrium.
+    pub dt: f64,
     /// Whether the next assemblies filter the tangents; at first what the model says.
     pub filter: bool,
     /// Upper blocks of `K`.
@@ -67,6 +75,7 @@ impl FemWorkspace {
             system: SystemMatrix::zeros(model.pattern().clone()),
             rhs: vec![0.0; 3 * model.free_nodes()],
             f_int: vec![Vector3::zeros(); model.nodes()],
+            dt: f64::INFINITY,
             filter: model.filter(),
             upper: vec![Matrix3::zeros(); model.scatter().upper_blocks()],
             results: vec![ElementMatrices::ZERO; of_kind(ElementKind::Averaged, results)],
@@ -130,7 +139,7 @@ pub fn assemble(
     f_ext: &[Vector3<f64>],
     ws: &mut FemWorkspace,
 ) -> AssemblyReport {
-    let report = sum_elements(model, state, ws);
+    let report = sum_elements(model, state, dt, ws);
     let (alpha, beta) = (model.rayleigh_mass(), model.rayleigh_stiffness());
     let coefficients = Coefficients { mass: 1.0 + dt * alpha, stiffness: dt * (beta + dt) };
     let upper = &ws.upper;
@@ -153,7 +162,7 @@ pub fn assemble(
 }
 
 /// Fills `ws.system` with `coefficients.mass M + coefficients.stiffness K`, `ws.rhs` with the static residual
-/// `f_ext + M g + f_int` (N) and `ws.f_int` (N). Newton's method for equilibrium solves `K Δq = rhs`.
+/// `f_ext + M g + f_int` (N) and `ws.f_int` (N), over the step `ws.dt`. Newton's method for equilibrium solves `K Δq = rhs`.
 pub fn assemble_with(
     model: &FemModel,
     state: &FemState,
@@ -161,7 +170,7 @@ pub fn assemble_with(
     f_ext: &[Vector3<f64>],
     ws: &mut FemWorkspace,
 ) -> AssemblyReport {
-    let report = sum_elements(model, state, ws);
+    let report = sum_elements(model, state, ws.dt, ws);
     let upper = &ws.upper;
     let f_int = &ws.f_int;
     for_rows(model, &mut ws.system, &mut ws.rhs, |i, node, blocks| {
@@ -175,14 +184,16 @@ pub fn assemble_with(
     report
 }
 
-/// Fills `ws.f_int` with the internal forces on all nodes (N), without the tangent; leaves `ws.system` alone.
+/// Fills `ws.f_int` with the internal forces on all nodes (N), without the tangent, over the step `ws.dt`;
+/// leaves `ws.system` alone.
 pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) {
     ws.f_int.fill(Vector3::zeros());
     for batch in model.batches() {
-        for element in batch.of(model.quadratic_elements()) {
+        let tissue = StepTissue::new(batch, state, ws.dt);
+        for (e, element) in batch.of(model.quadratic_elements()).iter().enumerate() {
             let mut result = [Vector3::zeros(); 10];
             for (k, F) in element.deformation_gradients(&state.q).iter().enumerate() {
-                element.add_forces(k, &batch.material.first_piola(F), &mut result);
+                element.add_forces(k, &tissue.first_piola(e * POINTS + k, F), &mut result);
             }
             result[0] = -result[1..].iter().sum::<Vector3<f64>>();
             for (f, &node) in result.iter().zip(&element.nodes) {
@@ -192,8 +203,8 @@ pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace
         if model.element_kind() == ElementKind::Quadratic {
             continue;
         }
-        for element in batch.of(model.elements()) {
-            let P = batch.material.first_piola(&element.deformation_gradient(&state.q));
+        for (e, element) in batch.of(model.elements()).iter().enumerate() {
+            let P = tissue.first_piola(e, &element.deformation_gradient(&state.q));
             let result = ElementMatrices { forces: element.forces(&P), ..ElementMatrices::ZERO };
             for (a, &node) in element.nodes.iter().enumerate() {
                 ws.f_int[node as usize] += NodalShares::force(&result, a);
@@ -206,23 +217,49 @@ pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace
     }
 }
 
-/// Elastic energy of the body (J).
+/// Elastic energy of the body (J); of viscous tissue, what it would be after an instantaneous deformation.
 pub fn elastic_energy(model: &FemModel, state: &FemState) -> f64 {
+    sum_energy(model, state, |batch, _, F| batch.tissue.material.energy_density(F))
+}
+
+/// The energy (J) whose derivative by `q` is minus the internal force at the end of a step `dt` (s), infinite for the relaxed
+/// equilibrium. Of elastic bodies it is [`elastic_energy`]; of viscous ones it is less by what the step and the memory relax.
+pub fn incremental_energy(model: &FemModel, state: &FemState, dt: f64) -> f64 {
+    sum_energy(model, state, |batch, point, F| StepTissue::new(batch, state, dt).energy_density(point, F))
+}
+
+/// Sums an energy density (J/m³), given by batch, point in it and deformation gradient, over the body (J).
+fn sum_energy(model: &FemModel, state: &FemState, density: impl Fn(&Batch, usize, &Matrix3<f64>) -> f64) -> f64 {
     let mut energy = model.averaging().map_or(0.0, |groups| groups.energy(model.elements(), &state.q));
     for batch in model.batches() {
-        for element in batch.of(model.quadratic_elements()) {
-            for (F, weight) in element.deformation_gradients(&state.q).iter().zip(element.weights) {
-                energy += weight * batch.material.energy_density(F);
+        for (e, element) in batch.of(model.quadratic_elements()).iter().enumerate() {
+            let points = element.deformation_gradients(&state.q);
+            for (k, (F, weight)) in points.iter().zip(element.weights).enumerate() {
+                energy += weight * density(batch, e * POINTS + k, F);
             }
         }
         if model.element_kind() == ElementKind::Quadratic {
             continue;
         }
-        for element in batch.of(model.elements()) {
-            energy += element.volume * batch.material.energy_density(&element.deformation_gradient(&state.q));
+        for (e, element) in batch.of(model.elements()).iter().enumerate() {
+            energy += element.volume * density(batch, e, &element.deformation_gradient(&state.q));
         }
     }
     energy
+}
+
+/// Volume ratio that the bulk term sees in each element, in the order of [`FemModel::elements`]: its own `det F`, the mean
+/// over the points of a quadratic element, or the mean of the groups of an averaged one. For pictures of the pressure.
+pub fn volume_ratios(model: &FemModel, state: &FemState) -> Vec<f64> {
+    let of_quadratic = |element: &QuadraticTetrahedron| {
+        let at_points = element.deformation_gradients(&state.q);
+        at_points.iter().zip(element.weights).map(|(F, w)| w * F.determinant()).sum::<f64>() / element.volume()
+    };
+    match (model.element_kind(), model.averaging()) {
+        (ElementKind::Quadratic, _) => model.quadratic_elements().iter().map(of_quadratic).collect(),
+        (_, Some(groups)) => groups.ratios(model.elements(), &state.q),
+        _ => model.elements().iter().map(|e| e.deformation_gradient(&state.q).determinant()).collect(),
+    }
 }
 
 /// One block of `mass M + stiffness K`. Diagonal blocks are made symmetric: their sums are so only up to rounding.

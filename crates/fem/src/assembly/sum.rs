@@ -3,18 +3,18 @@
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-use super::{AssemblyReport, FemWorkspace, ROWS, ScatterLists};
+use super::{AssemblyReport, FemWorkspace, ROWS, ScatterLists, viscous::StepTissue};
 use crate::{
     element::{
-        ElementKind, ElementMatrices, NodalShares, Tetrahedron,
-        quadratic::{QuadraticMatrices, quadratic_batch},
+        ElementKind, ElementMatrices, NodalShares, Tetrahedron, UNIT,
+        quadratic::{POINTS, QuadraticMatrices, quadratic_batch},
     },
-    material::{BatchReport, Law, Material},
+    material::BatchReport,
     model::{Batch, FemModel, FemState},
 };
 
-/// Computes all elements and sums them into `ws.upper` and `ws.f_int`.
-pub(super) fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) -> AssemblyReport {
+/// Computes all elements and sums them into `ws.upper` and `ws.f_int`; `dt` (s) is the step that viscous tissue relaxes in.
+pub(super) fn sum_elements(model: &FemModel, state: &FemState, dt: f64, ws: &mut FemWorkspace) -> AssemblyReport {
     let (q, filter) = (&state.q, ws.filter);
     let parallel = !ws.slot.is_empty() && rayon::current_num_threads() > 1;
     if let Some(groups) = model.averaging() {
@@ -37,13 +37,18 @@ pub(super) fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorks
             &mut ws.pack_results,
             parallel,
             (&mut ws.upper, &mut ws.f_int),
-            |batch, packs, results| batch.material.packed(packs, q, filter, results),
+            |batch, packs, results| StepTissue::new(batch, state, dt).packed(packs, q, filter, results),
         ),
         ElementKind::Quadratic => sums.fill(&mut ws.quadratic_results, |batch, results: &mut [QuadraticMatrices]| {
-            quadratic_batch(&batch.material, batch.of(model.quadratic_elements()), q, filter, results)
+            let tissue = StepTissue::new(batch, state, dt);
+            let answer = |k: usize, p: usize, F: &Matrix3<f64>, out: &mut ElementMatrices| {
+                tissue.element(k * POINTS + p, &UNIT, F, filter, out)
+            };
+            quadratic_batch(batch.of(model.quadratic_elements()), q, answer, results)
         }),
         ElementKind::Averaged => sums.fill(&mut ws.results, |batch, results: &mut [ElementMatrices]| {
-            pressure_batch(&batch.material, batch.of(model.elements()), batch.of(pressures), q, filter, results)
+            let tissue = StepTissue::new(batch, state, dt);
+            pressure_batch(&tissue, batch.of(model.elements()), batch.of(pressures), q, filter, results)
         }),
     };
     if let Some(groups) = model.averaging() {
@@ -52,9 +57,9 @@ pub(super) fn sum_elements(model: &FemModel, state: &FemState, ws: &mut FemWorks
     AssemblyReport::new(report, model)
 }
 
-/// Forces and exact tangents of elements under pressures, as [`Law::batch`].
+/// Forces and exact tangents of elements under pressures.
 fn pressure_batch(
-    law: &Material,
+    tissue: &StepTissue<'_>,
     elements: &[Tetrahedron],
     pressures: &[f64],
     q: &[Vector3<f64>],
@@ -64,8 +69,7 @@ fn pressure_batch(
     let mut report = BatchReport::default();
     for (k, ((element, &pressure), out)) in elements.iter().zip(pressures).zip(out).enumerate() {
         let edges = element.edges(q);
-        // Set-up takes only laws that have an answer.
-        let filtered = law.element_under_pressure(element, &edges, pressure, filter, out).unwrap_or_default();
+        let filtered = tissue.element_under_pressure(k, element, &edges, pressure, filter, out);
         report.note(k as u32, edges.determinant() / (6.0 * element.volume), filtered, out.is_finite());
     }
     report

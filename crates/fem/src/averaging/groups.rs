@@ -4,18 +4,26 @@ use serde::{Deserialize, Serialize};
 
 use crate::mesh::sorted_faces;
 
-/// Elements of a patch, about: with fewer, more than one constraint of volume is left per three unknowns of the mesh.
+/// Elements of a patch, about: a mesh has five to six elements per node, so eight leave one constraint of volume per four
+/// or five unknowns. With few elements per constraint the body locks, with many the pressure is coarse.
 const PATCH: usize = 8;
 
 /// How elements are grouped.
+///
+/// The convergence study (`cargo run --release -p palpate-fem --example element_study`) favours patches, the default. At
+/// Poisson's ratio 0.499 and equal unknowns their error in displacement is that at 0.3 (1.17e-1 against 1.14e-1 with 12 cells
+/// along an edge; groups around nodes 1.21e-1, quadratic elements 2.06e-1, linear ones 8.7e-1), and stays so at 0.4999;
+/// the pressure is half as far off as with groups around nodes, which begin to oscillate there; and the factor holds 1.1
+/// times the numbers of that of linear elements, rather than 2.6 times. Groups around nodes are kept to compare with:
+/// they are what explicit codes use, where no matrix fills, and do not depend on how elements are numbered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Grouping {
-    /// One group around each node; an element gives a quarter of its volume to each of its four [Bonet, Burton 1998].
+    /// Disjoint patches of about eight elements that hang together by faces [de Souza Neto, Andrade Pires, Owen 2005].
     #[default]
-    Nodes,
-    /// Disjoint patches of about eight elements that hang together by faces [de Souza Neto 2005].
     Patches,
+    /// One group around each node; an element gives a quarter of its volume to each of its four [Bonet, Burton 1998].
+    Nodes,
 }
 
 /// Groups of elements, none across two materials. Every element gives all its volume, in equal shares.

@@ -171,6 +171,14 @@ impl Averaging {
         self.share * self.members.row(g).iter().map(|&e| volume_of(e as usize)).sum::<f64>() / self.volume[g]
     }
 
+    /// Volume ratio that the bulk term of each element sees: the mean of its groups.
+    pub(crate) fn ratios(&self, elements: &[Tetrahedron], q: &[Vector3<f64>]) -> Vec<f64> {
+        let volume_of = |e: usize| elements[e].edges(q).determinant() / 6.0;
+        let of_groups: Vec<f64> = (0..self.volume.len()).map(|g| self.ratio(g, volume_of)).collect();
+        let mean = |e| self.share * self.groups_of.row(e).iter().map(|&g| of_groups[g as usize]).sum::<f64>();
+        (0..elements.len()).map(mean).collect()
+    }
+
     /// Energy of the groups (J).
     pub(crate) fn energy(&self, elements: &[Tetrahedron], q: &[Vector3<f64>]) -> f64 {
         let volume_of = |e: usize| elements[e].edges(q).determinant() / 6.0;

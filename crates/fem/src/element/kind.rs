@@ -9,10 +9,11 @@ pub enum ElementKind {
     /// Four nodes, uniform strain. The cheapest; too stiff in bending, and locks near incompressibility.
     #[default]
     Linear,
-    /// Ten nodes, linear strain: the mesh needs mid-nodes ([`TetMesh::promoted`](crate::mesh::TetMesh::promoted)).
+    /// Ten nodes, linear strain: the mesh needs mid-nodes ([`TetMesh::promoted`](crate::mesh::TetMesh::promoted)). Bends
+    /// well, and locks only mildly near incompressibility.
     Quadratic,
-    /// Four nodes; the bulk energy sees volume changes averaged over groups of elements, which removes volumetric
-    /// locking. For laws with a bulk term of their own.
+    /// Four nodes; the bulk energy sees volume changes averaged over patches of elements, which removes volumetric
+    /// locking ([`averaging`](crate::averaging)). For laws with a bulk term of their own.
     Averaged,
 }
 
@@ -34,7 +35,8 @@ impl ElementKind {
     pub fn highest_poisson(self) -> f64 {
         match self {
             Self::Linear => 0.48,
-            Self::Quadratic | Self::Averaged => 0.4999,
+            Self::Quadratic => 0.495,
+            Self::Averaged => 0.4999,
         }
     }
 }

@@ -22,11 +22,8 @@
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
-use super::{ElementMatrices, NodalShares, UNIT};
-use crate::{
-    material::{BatchReport, Law},
-    rotation::cofactor,
-};
+use super::{ElementMatrices, NodalShares};
+use crate::{material::BatchReport, rotation::cofactor};
 
 /// Corners that each mid-node lies between, in the order of the mid-nodes.
 pub const EDGES: [(usize, usize); 6] = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)];
@@ -268,21 +265,21 @@ impl QuadraticTetrahedron {
     }
 }
 
-/// Forces and exact tangents of quadratic elements of one law, as [`Law::batch`]: the law sees the points of each
-/// element as unit tetrahedra. The report counts elements, not points; the Jacobian of an element is the least at its points.
+/// Forces and exact tangents of quadratic elements of one tissue: `answer` is what it answers to point `p` of element `k` as
+/// unit tetrahedron with edges `F`, as [`Law::element`](crate::material::Law::element). The report counts elements, not
+/// points; the Jacobian of an element is the least at its points.
 pub(crate) fn quadratic_batch(
-    law: &impl Law,
     elements: &[QuadraticTetrahedron],
     q: &[Vector3<f64>],
-    filter: bool,
+    answer: impl Fn(usize, usize, &Matrix3<f64>, &mut ElementMatrices) -> bool,
     out: &mut [QuadraticMatrices],
 ) -> BatchReport {
     let mut report = BatchReport::default();
     let mut points = [ElementMatrices::ZERO; POINTS];
     for (k, (element, out)) in elements.iter().zip(out).enumerate() {
         let (mut J, mut filtered, mut finite) = (f64::INFINITY, false, true);
-        for (F, point) in element.deformation_gradients(q).iter().zip(&mut points) {
-            filtered |= law.element(&UNIT, F, filter, point);
+        for (p, (F, point)) in element.deformation_gradients(q).iter().zip(&mut points).enumerate() {
+            filtered |= answer(k, p, F, point);
             finite &= point.is_finite();
             J = J.min(F.determinant());
         }

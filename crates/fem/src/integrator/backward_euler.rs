@@ -13,7 +13,7 @@ use super::{
     potential::Potential,
 };
 use crate::{
-    assembly::{AssemblyReport, assemble},
+    assembly::{AssemblyReport, advance_memory, assemble},
     factor::FactorStatus,
     model::{FemModel, FemState},
 };
@@ -51,6 +51,7 @@ pub fn linearised_step(
             state.v[node] += nodal(&ws.direction, k);
             state.q[node] += state.v[node] * dt;
         }
+        advance_memory(model, state, dt);
     }
     LinearisedReport { assembly, factor, advanced }
 }
@@ -66,7 +67,7 @@ pub fn factor_end(model: &FemModel, dt: f64, state: &FemState, ws: &mut Implicit
 ///
 /// `f_ext` as for [`linearised_step`]. With a non-finite status the state is what it was; with any other status it has
 /// moved to the lowest potential that was found. Afterwards `ws.fem.system` is the system matrix `A` (kg) of the end of
-/// the step, exact where [`NewtonReport::filtered`] did not grow in the last iteration. Allocates nothing.
+/// the step, with the exact tangent. Allocates nothing.
 pub fn newton_step(
     model: &FemModel,
     dt: f64,
@@ -86,5 +87,6 @@ pub fn newton_step(
         let node = node as usize;
         state.v[node] = (state.q[node] - ws.start[node]) / dt;
     }
+    advance_memory(model, state, dt);
     report
 }

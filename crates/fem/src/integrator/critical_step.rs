@@ -64,6 +64,8 @@ pub fn critical_for(omega: f64, beta: f64) -> f64 {
 pub fn critical_step(model: &FemModel, state: &FemState, symbolic: &Arc<SymbolicFactor>) -> CriticalStep {
     let mut ws = FemWorkspace::new(model);
     ws.filter = false;
+    // Viscous tissue is stiffest at once, before it relaxes.
+    ws.dt = 0.0;
     assemble_with(model, state, Coefficients::STATIC, &[], &mut ws);
     let (ritz, vectors) = largest_eigenvalue(model, &ws);
     // Stretched and compressed tissue may have no positive eigenvalue at all: any step is stable in the linear sense.

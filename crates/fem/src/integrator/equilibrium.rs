@@ -16,7 +16,7 @@ use super::{
     potential::Potential,
 };
 use crate::{
-    assembly::internal_forces,
+    assembly::{advance_memory, internal_forces},
     model::{FemModel, FemState},
     sparse::FIXED,
 };
@@ -194,6 +194,7 @@ pub fn equilibrium(
     }
     let potential = Potential { model, f_ext: loads.f_ext, load: load_at(report.reached), dt: None };
     potential.residual_at(state, ws);
+    advance_memory(model, state, f64::INFINITY);
     let fixed = (0..model.nodes()).filter(|&i| model.free_of_node()[i] == FIXED);
     report.reaction = fixed.map(|node| reaction(&potential, node, ws)).sum();
     Ok(report)

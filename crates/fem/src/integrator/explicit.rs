@@ -18,7 +18,7 @@ use thiserror::Error;
 
 use super::{critical_step::CriticalStep, nodal};
 use crate::{
-    assembly::{FemWorkspace, internal_forces},
+    assembly::{FemWorkspace, advance_memory, internal_forces},
     model::{FemModel, FemState},
 };
 
@@ -121,6 +121,8 @@ pub fn explicit_step(
 ) -> ExplicitReport {
     let report = explicit_velocity(model, dt, f_ext, state, ws);
     if report.non_finite.is_none() {
+        // The forces were those of a step that ended here.
+        advance_memory(model, state, dt);
         for (k, &node) in model.node_of_free().iter().enumerate() {
             let i = node as usize;
             state.v[i] = nodal(&ws.velocity, k);
@@ -131,7 +133,8 @@ pub fn explicit_step(
 }
 
 /// The velocity `v⁺` of the free nodes after a step `dt` (s), into [`ExplicitWorkspace::velocity`]; the state stays.
-/// For steps that correct it by contact before they move.
+/// For steps that correct it by contact before they move; of viscous tissue they take the memory along first
+/// ([`advance_memory`]).
 pub fn explicit_velocity(
     model: &FemModel,
     dt: f64,
@@ -190,8 +193,10 @@ fn shift(
 
 /// Internal forces at the state and, where there is stiffness damping, a step earlier.
 fn forces(model: &FemModel, dt: f64, state: &FemState, ws: &mut ExplicitWorkspace) {
+    ws.fem.dt = dt;
     if model.rayleigh_stiffness() > 0.0 {
         ws.before.q.copy_from_slice(&state.q);
+        ws.before.memory.copy_from_slice(&state.memory);
         for &node in model.node_of_free() {
             ws.before.q[node as usize] -= state.v[node as usize] * dt;
         }

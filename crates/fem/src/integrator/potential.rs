@@ -23,7 +23,7 @@ use nalgebra::Vector3;
 
 use super::{dot, newton::ImplicitWorkspace, nodal};
 use crate::{
-    assembly::{AssemblyReport, Coefficients, assemble_with, elastic_energy, internal_forces},
+    assembly::{AssemblyReport, Coefficients, assemble_with, incremental_energy, internal_forces},
     model::{FemModel, FemState},
 };
 
@@ -57,6 +57,11 @@ impl Potential<'_> {
         self.dt.unwrap_or(1.0)
     }
 
+    /// The step in which viscous tissue relaxes (s): for an equilibrium one without end.
+    fn step(&self) -> f64 {
+        self.dt.unwrap_or(f64::INFINITY)
+    }
+
     /// `f_ext + M g` at a node (N), unscaled.
     pub(super) fn external(&self, node: usize) -> Vector3<f64> {
         self.f_ext.get(node).copied().unwrap_or_default() + self.model.gravity() * self.model.mass()[node]
@@ -72,6 +77,7 @@ impl Potential<'_> {
         }
         if let Some(K0) = &mut ws.damping {
             ws.fem.filter = true;
+            ws.fem.dt = h;
             assemble_with(self.model, state, Coefficients::STATIC, &[], &mut ws.fem);
             K0.blocks.copy_from_slice(&ws.fem.system.blocks);
         }
@@ -80,6 +86,7 @@ impl Potential<'_> {
     /// `A` into `ws.fem.system`, forces into `ws.fem.f_int`.
     pub(super) fn matrix(&self, state: &FemState, filter: bool, ws: &mut ImplicitWorkspace) -> AssemblyReport {
         ws.fem.filter = filter;
+        ws.fem.dt = self.step();
         let coefficients = match self.dt {
             None => Coefficients::STATIC,
             Some(h) => Coefficients { mass: 1.0 + h * self.model.rayleigh_mass(), stiffness: h * h },
@@ -118,6 +125,7 @@ impl Potential<'_> {
 
     /// Forces alone, then [`Self::residual`].
     pub(super) fn residual_at(&self, state: &FemState, ws: &mut ImplicitWorkspace) -> f64 {
+        ws.fem.dt = self.step();
         internal_forces(self.model, state, &mut ws.fem);
         self.residual(state, ws)
     }
@@ -156,8 +164,8 @@ impl Potential<'_> {
         Line { linear: slope - elastic, quadratic, slope }
     }
 
-    /// `Ψ(q)` (J).
+    /// `Ψ(q)` (J); of viscous tissue the energy that its step minimises.
     pub(super) fn elastic(&self, state: &FemState) -> f64 {
-        elastic_energy(self.model, state)
+        incremental_energy(self.model, state, self.step())
     }
 }

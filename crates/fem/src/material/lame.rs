@@ -78,6 +78,30 @@ pub enum MaterialError {
         /// What it may be, with its unit.
         range: &'static str,
     },
+    /// The share of a Prony term is outside `(0, 1)`.
+    #[error("viscosity term {term}: modulus = {modulus}: the share that relaxes must lie in 0 < modulus < 1")]
+    PronyModulus {
+        /// The term, from 0.
+        term: usize,
+        /// Its share.
+        modulus: f64,
+    },
+    /// The time of a Prony term is not a positive number.
+    #[error("viscosity term {term}: time = {time} s: the relaxation time must be positive and finite")]
+    PronyTime {
+        /// The term, from 0.
+        term: usize,
+        /// Its time (s).
+        time: f64,
+    },
+    /// A Prony series relaxes to nothing.
+    #[error("the viscosity's moduli add up to {0}: below 1, or no stiffness is left at rest; lower them")]
+    PronySum(f64),
+    /// The law takes no viscosity.
+    #[error(
+        "{0} takes no viscosity: its stress does not turn with the tissue; use `corotational` or a hyperelastic law"
+    )]
+    NoViscosity(&'static str),
     /// No set of parameters is complete, or several are mixed.
     #[error("{law} takes {sets}: one complete set, not a mixture")]
     ParameterSet {

@@ -22,6 +22,7 @@ pub mod principal;
 pub mod st_venant_kirchhoff;
 pub mod stable_neo_hookean;
 pub mod veronda_westmann;
+pub mod viscosity;
 pub(crate) mod volume;
 
 use nalgebra::{Matrix3, Vector3};
@@ -39,6 +40,7 @@ pub use self::{
     st_venant_kirchhoff::StVenantKirchhoff,
     stable_neo_hookean::StableNeoHookean,
     veronda_westmann::VerondaWestmann,
+    viscosity::PronyTerm,
 };
 use crate::{
     element::{ElementMatrices, Tetrahedron},

@@ -202,8 +202,8 @@ fn parts(mesh: &TetMesh) -> usize {
         }
         node
     }
-    for &[first, others @ ..] in &mesh.tetrahedra {
-        for node in others {
+    for (t, &[first, others @ ..]) in mesh.tetrahedra.iter().enumerate() {
+        for node in others.into_iter().chain(mesh.mid_nodes.get(t).copied().into_iter().flatten()) {
             let (p, q) = (root(&mut parent, first), root(&mut parent, node));
             parent[p.max(q) as usize] = p.min(q);
         }

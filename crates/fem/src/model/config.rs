@@ -1,6 +1,6 @@
 //! What a user chooses for a soft body, and what can be wrong with it.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use nalgebra::Vector3;
 use thiserror::Error;
@@ -8,7 +8,7 @@ use thiserror::Error;
 use crate::{
     averaging::Grouping,
     element::{ElementKind, quadratic::MidNodeError},
-    material::{Law, Material, MaterialError, NeoHookean},
+    material::{Law, Material, MaterialError, NeoHookean, PronyTerm, viscosity::validate_prony},
     mesh::TetMesh,
 };
 
@@ -21,12 +21,16 @@ pub const MAX_STIFFNESS_RATIO: f64 = 1e4;
 pub struct FemConfig {
     /// The kind of all elements; quadratic ones need a mesh with mid-nodes. Default: linear.
     pub element: ElementKind,
-    /// How averaged elements are grouped. Default: by nodes.
+    /// How averaged elements are grouped. Default: patches, which the convergence study favours.
     pub grouping: Grouping,
     /// Material of the regions that `region_materials` does not name. Default: neo-Hookean, 5 kPa, 0.45 (soft liver).
     pub material: Material,
     /// Material by region name. Default: none.
     pub region_materials: BTreeMap<String, Material>,
+    /// Prony viscosity of the regions that `region_viscosities` does not name; no terms is elastic. Default: none.
+    pub viscosity: Vec<PronyTerm>,
+    /// Prony viscosity by region name. Default: none.
+    pub region_viscosities: BTreeMap<String, Vec<PronyTerm>>,
     /// Density of the regions that `region_densities` does not name (kg/m³), >= 0. Default: 1060.
     pub density: f64,
     /// Density by region name (kg/m³), >= 0. Default: none.
@@ -51,9 +55,11 @@ impl Default for FemConfig {
     fn default() -> Self {
         Self {
             element: ElementKind::Linear,
-            grouping: Grouping::Nodes,
+            grouping: Grouping::Patches,
             material: NeoHookean { young: 5e3, poisson: 0.45 }.into(),
             region_materials: BTreeMap::new(),
+            viscosity: Vec::new(),
+            region_viscosities: BTreeMap::new(),
             density: 1060.0,
             region_densities: BTreeMap::new(),
             total_mass: None,
@@ -236,17 +242,23 @@ fn not_negative(name: &'static str, value: f64, range: &'static str) -> Result<(
 impl FemConfig {
     /// Checks everything that does not depend on the mesh's geometry.
     pub(super) fn validate(&self, mesh: &TetMesh) -> Result<(), FemError> {
-        for name in self.region_materials.keys().chain(self.region_densities.keys()) {
+        let named = self.region_materials.keys().chain(self.region_densities.keys());
+        for name in named.chain(self.region_viscosities.keys()) {
             if !mesh.region_names.contains(name) {
                 return Err(FemError::UnknownRegion { name: name.clone(), known: mesh.region_names.clone() });
             }
         }
-        let in_place = |place: String, material: &Material| {
-            material.validate().map_err(|error| FemError::Material { place, error })
+        let in_place = |place: String, material: &Material, viscosity: &[PronyTerm]| {
+            let turns = viscosity.is_empty() || material.is_frame_indifferent();
+            (material.validate())
+                .and_then(|()| validate_prony(viscosity))
+                .and_then(|()| if turns { Ok(()) } else { Err(MaterialError::NoViscosity(material.name())) })
+                .map_err(|error| FemError::Material { place, error })
         };
-        in_place("the body".into(), &self.material)?;
-        for (name, material) in &self.region_materials {
-            in_place(format!("region `{name}`"), material)?;
+        in_place("the body".into(), &self.material, &self.viscosity)?;
+        for name in self.region_materials.keys().chain(self.region_viscosities.keys()) {
+            let tissue = self.region(name);
+            in_place(format!("region `{name}`"), &tissue.material, &tissue.viscosity)?;
         }
         not_negative("density", self.density, ">= 0 kg/m³ and finite (soft tissue: about 1060)")?;
         for &density in self.region_densities.values() {
@@ -267,19 +279,29 @@ impl FemConfig {
         Ok(())
     }
 
-    /// Material and density of each region; of the whole body where the mesh has no regions.
-    pub(super) fn regions(&self, mesh: &TetMesh) -> Vec<(Material, f64)> {
+    /// What each region consists of; the whole body where the mesh has no regions.
+    pub(super) fn regions(&self, mesh: &TetMesh) -> Vec<(Tissue, f64)> {
         if mesh.regions.is_empty() {
-            return vec![(self.material, self.density)];
+            let tissue = Tissue { material: self.material, viscosity: self.viscosity.as_slice().into() };
+            return vec![(tissue, self.density)];
         }
-        mesh.region_names
-            .iter()
-            .map(|name| {
-                (
-                    *self.region_materials.get(name).unwrap_or(&self.material),
-                    *self.region_densities.get(name).unwrap_or(&self.density),
-                )
-            })
-            .collect()
+        let density = |name| *self.region_densities.get(name).unwrap_or(&self.density);
+        mesh.region_names.iter().map(|name| (self.region(name), density(name))).collect()
     }
+
+    fn region(&self, name: &str) -> Tissue {
+        Tissue {
+            material: *self.region_materials.get(name).unwrap_or(&self.material),
+            viscosity: self.region_viscosities.get(name).unwrap_or(&self.viscosity).as_slice().into(),
+        }
+    }
+}
+
+/// A law with its viscosity.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Tissue {
+    /// The law; its shear modulus is the instantaneous one.
+    pub(crate) material: Material,
+    /// Terms of the Prony series; none is elastic.
+    pub(crate) viscosity: Arc<[PronyTerm]>,
 }

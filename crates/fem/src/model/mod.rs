@@ -5,8 +5,9 @@ mod elements;
 
 use std::{ops::Range, sync::Arc};
 
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 
+pub(crate) use self::config::Tissue;
 pub use self::config::{FemConfig, FemError, MAX_STIFFNESS_RATIO};
 use self::elements::Elements;
 use crate::{
@@ -26,6 +27,9 @@ pub struct FemState {
     pub q: Vec<Vector3<f64>>,
     /// Velocity of every mesh node (m/s); that of fixed nodes is ignored.
     pub v: Vec<Vector3<f64>>,
+    /// Stresses of the Maxwell branches (Pa, second Piola, `xx yy zz yz xz xy`), by viscous element, point of quadrature
+    /// and term: the memory of [viscous](crate::material::viscosity) tissue. Empty where all tissue is elastic.
+    pub memory: Vec<Vector6<f64>>,
 }
 
 /// Consecutive elements of one material that are computed together.
@@ -34,7 +38,9 @@ pub(crate) struct Batch {
     pub(crate) elements: Range<usize>,
     /// Empty unless the elements are linear.
     pub(crate) packs: Range<usize>,
-    pub(crate) material: Material,
+    pub(crate) tissue: Tissue,
+    /// The batch's part of [`FemState::memory`].
+    pub(crate) memory: Range<usize>,
 }
 
 impl Batch {
@@ -56,6 +62,7 @@ pub struct FemModel {
     batches: Vec<Batch>,
     packs: Vec<Pack>,
     pack_lists: PackLists,
+    memory: usize,
     mass: Vec<f64>,
     free_of_node: Vec<u32>,
     node_of_free: Vec<u32>,
@@ -80,10 +87,10 @@ impl FemModel {
         let region_of = |t: usize| mesh.regions.get(t).map_or(0, |&r| r as usize);
 
         // Elements of one material lie together, in mesh order within it.
-        let (mut materials, material_of_region) = distinct_materials(&regions);
+        let (mut tissues, tissue_of_region) = distinct_tissues(&regions);
         let mut order: Vec<u32> = (0..mesh.tetrahedra.len() as u32).collect();
-        order.sort_by_key(|&t| material_of_region[region_of(t as usize)]);
-        check_stiffness_ratio(order.iter().map(|&t| &regions[region_of(t as usize)].0))?;
+        order.sort_by_key(|&t| tissue_of_region[region_of(t as usize)]);
+        check_stiffness_ratio(order.iter().map(|&t| &regions[region_of(t as usize)].0.material))?;
 
         let densities: Vec<f64> = regions.iter().map(|r| r.1).collect();
         let Elements { tetrahedra: elements, quadratic, mut mass } =
@@ -113,9 +120,9 @@ impl FemModel {
             }
             ElementKind::Quadratic => lists(&ten_nodes, &[], &free_of_node, free),
             ElementKind::Averaged => {
-                let of_element: Vec<usize> = order.iter().map(|&t| material_of_region[region_of(t as usize)]).collect();
+                let of_element: Vec<usize> = order.iter().map(|&t| tissue_of_region[region_of(t as usize)]).collect();
                 let runs = runs(&of_element);
-                let bulk_of_run = split_bulk(&mut materials, &of_element, &runs)?;
+                let bulk_of_run = split_bulk(&mut tissues, &of_element, &runs)?;
                 let groups = Groups::new(config.grouping, &corners, &runs);
                 let run_of = |e: u32| runs.partition_point(|run| run.end <= e as usize);
                 let bulk = groups.members.iter().map(|m| bulk_of_run[run_of(m[0])]).collect();
@@ -127,11 +134,18 @@ impl FemModel {
             }
         };
         let size = batch_size(config.element);
-        let mut batches = batches(order.iter().map(|&t| material_of_region[region_of(t as usize)]), &materials, size);
+        let mut batches = batches(order.iter().map(|&t| tissue_of_region[region_of(t as usize)]), &tissues, size);
         let (mut packs, mut pack_lists) = (Vec::new(), PackLists::default());
         if config.element == ElementKind::Linear {
             packs = pack(&mut batches, &elements);
             pack_lists = PackLists::new(&packs, &batches, &free_of_node, &pattern, &scatter);
+        }
+        let points = if config.element == ElementKind::Quadratic { POINTS } else { 1 };
+        let mut memory = 0;
+        for batch in &mut batches {
+            let first = memory;
+            memory += batch.elements.len() * points * batch.tissue.viscosity.len();
+            batch.memory = first..memory;
         }
         Ok(Self {
             q_rest: mesh.nodes.clone(),
@@ -143,6 +157,7 @@ impl FemModel {
             batches,
             packs,
             pack_lists,
+            memory,
             mass,
             free_of_node,
             node_of_free,
@@ -156,9 +171,13 @@ impl FemModel {
         })
     }
 
-    /// The state at rest: `q = q_rest`, `v = 0`.
+    /// The state at rest: `q = q_rest`, `v = 0`, nothing remembered.
     pub fn rest_state(&self) -> FemState {
-        FemState { q: self.q_rest.clone(), v: vec![Vector3::zeros(); self.q_rest.len()] }
+        FemState {
+            q: self.q_rest.clone(),
+            v: vec![Vector3::zeros(); self.q_rest.len()],
+            memory: vec![Vector6::zeros(); self.memory],
+        }
     }
 
     /// Number of mesh nodes.
@@ -327,19 +346,19 @@ fn lists<const N: usize>(
     (Arc::new(pattern), scatter)
 }
 
-/// The materials that differ, and the material of each region.
-fn distinct_materials(regions: &[(Material, f64)]) -> (Vec<Material>, Vec<usize>) {
-    let mut materials: Vec<Material> = Vec::new();
+/// The tissues that differ, and the tissue of each region.
+fn distinct_tissues(regions: &[(Tissue, f64)]) -> (Vec<Tissue>, Vec<usize>) {
+    let mut tissues: Vec<Tissue> = Vec::new();
     let of_region = regions
         .iter()
-        .map(|(material, _)| {
-            materials.iter().position(|m| m == material).unwrap_or_else(|| {
-                materials.push(*material);
-                materials.len() - 1
+        .map(|(tissue, _)| {
+            tissues.iter().position(|t| t == tissue).unwrap_or_else(|| {
+                tissues.push(tissue.clone());
+                tissues.len() - 1
             })
         })
         .collect();
-    (materials, of_region)
+    (tissues, of_region)
 }
 
 /// Runs of elements of one material.
@@ -353,9 +372,9 @@ fn runs(material_of_element: &[usize]) -> Vec<Range<usize>> {
 }
 
 /// Takes the bulk terms out of the materials that elements have; returns them by run.
-fn split_bulk(materials: &mut [Material], of_element: &[usize], runs: &[Range<usize>]) -> Result<Vec<Bulk>, FemError> {
+fn split_bulk(tissues: &mut [Tissue], of_element: &[usize], runs: &[Range<usize>]) -> Result<Vec<Bulk>, FemError> {
     let split = |run: &Range<usize>| {
-        let material = &mut materials[of_element[run.start]];
+        let material = &mut tissues[of_element[run.start]].material;
         let (rest, bulk) = material.without_bulk().ok_or(FemError::NoBulk { law: material.name() })?;
         *material = rest;
         Ok(bulk)
@@ -387,14 +406,14 @@ fn number_free_nodes(nodes: usize, fixed: &[u32]) -> (Vec<u32>, Vec<u32>) {
     (free_of_node, node_of_free)
 }
 
-/// Runs of one material, cut into batches. `material_of_element` is grouped.
-fn batches(material_of_element: impl Iterator<Item = usize>, materials: &[Material], size: usize) -> Vec<Batch> {
+/// Runs of one tissue, cut into batches of at most `size`. `tissue_of_element` is grouped.
+fn batches(tissue_of_element: impl Iterator<Item = usize>, tissues: &[Tissue], size: usize) -> Vec<Batch> {
     let mut batches: Vec<Batch> = Vec::new();
     let mut last = usize::MAX;
-    for (e, m) in material_of_element.enumerate() {
+    for (e, m) in tissue_of_element.enumerate() {
         match batches.last_mut() {
             Some(batch) if m == last && batch.elements.len() < size => batch.elements.end = e + 1,
-            _ => batches.push(Batch { elements: e..e + 1, packs: 0..0, material: materials[m] }),
+            _ => batches.push(Batch { elements: e..e + 1, tissue: tissues[m].clone(), packs: 0..0, memory: 0..0 }),
         }
         last = m;
     }

@@ -7,9 +7,12 @@ use palpate_haptics::SetupError;
 use palpate_haptics::limits::Limits;
 use palpate_haptics::script::HandScript;
 
-use super::description::{BodyDescription, NodeSelection, SceneDescription};
+use super::description::{BodyDescription, IntegratorKind, NodeSelection, SceneDescription};
 use super::error::SceneError;
 use super::parse::Source;
+
+/// Most substeps of one explicit step: beyond, an implicit one is cheaper on any machine.
+pub(crate) const MOST_SUBSTEPS: u32 = 100_000;
 
 type Checked = Result<(), SceneError>;
 
@@ -78,6 +81,7 @@ fn check_body(body: &BodyDescription, source: &Source<'_>) -> Checked {
         return Err(source.at("body.0.tolerance", format!("{} solves nothing", body.tolerance), "use 1e-6"));
     }
     at_least_one(source, "body.0.max_iterations", body.max_iterations)?;
+    integrator(body, source)?;
     for (k, selection) in body.fixed.iter().enumerate() {
         let path = format!("body.0.fixed.{k}");
         match selection {
@@ -94,6 +98,36 @@ fn check_body(body: &BodyDescription, source: &Source<'_>) -> Checked {
                 positive(source, &path, *radius, "m")?;
             }
             NodeSelection::NodeSet(_) | NodeSelection::Region(_) => {}
+        }
+    }
+    Ok(())
+}
+
+/// The settings of the integrator that is used, and of no other.
+fn integrator(body: &BodyDescription, source: &Source<'_>) -> Checked {
+    let unused = |name: &str, kind: &str| {
+        let message = format!("`{name}` has no effect: the integrator is another one");
+        Err(source.at(&format!("body.0.{name}"), message, format!("remove it, or set integrator = \"{kind}\"")))
+    };
+    if body.newton.is_some() && body.integrator != IntegratorKind::Newton {
+        return unused("newton", "newton");
+    }
+    if body.explicit.is_some() && body.integrator != IntegratorKind::Explicit {
+        return unused("explicit", "explicit");
+    }
+    if let Some(newton) = &body.newton {
+        at_least_one(source, "body.0.newton.iterations", newton.iterations as usize)?;
+        positive(source, "body.0.newton.tolerance", newton.tolerance, "")?;
+    }
+    if let Some(substeps) = body.explicit.and_then(|e| e.substeps) {
+        at_least_one(source, "body.0.explicit.substeps", substeps as usize)?;
+        if substeps > MOST_SUBSTEPS {
+            let message = format!("{substeps} substeps of one step");
+            return Err(source.at(
+                "body.0.explicit.substeps",
+                message,
+                format!("use at most {MOST_SUBSTEPS}, or an implicit integrator"),
+            ));
         }
     }
     Ok(())

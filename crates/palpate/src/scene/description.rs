@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use palpate_collision::detection::ContactKind;
 use palpate_collision::shape::ToolShape;
 use palpate_constraints::compliance::ComplianceMethod;
+use palpate_fem::element::ElementKind;
 use palpate_fem::material::Material;
 use palpate_haptics::coupling::CouplingConfig;
 use palpate_haptics::device::VirtualDeviceConfig;
@@ -101,6 +102,10 @@ pub struct BodyDescription {
     /// Factor from the unit of the mesh file to metres.
     #[serde(default = "one")]
     pub scale: f64,
+    /// How the tetrahedra interpolate: `linear`, `quadratic` (mid-nodes are added where the mesh has none) or `averaged`
+    /// (against volumetric locking).
+    #[serde(default)]
+    pub element: ElementKind,
     /// Mass density (kg/m³).
     #[serde(default = "tissue_density")]
     pub density: f64,
@@ -130,6 +135,15 @@ pub struct BodyDescription {
     /// Where the compliance of the contacts comes from.
     #[serde(default)]
     pub compliance: ComplianceMethod,
+    /// How the body moves in time.
+    #[serde(default)]
+    pub integrator: IntegratorKind,
+    /// When Newton's iterations stop; for `integrator = "newton"` only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub newton: Option<NewtonDescription>,
+    /// Substeps; for `integrator = "explicit"` only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub explicit: Option<ExplicitDescription>,
     /// Relative residual at which the conjugate gradients of the free motion stop.
     #[serde(default = "free_motion_tolerance")]
     pub tolerance: f64,
@@ -156,6 +170,48 @@ fn free_motion_tolerance() -> f64 {
 
 fn free_motion_iterations() -> usize {
     200
+}
+
+/// How a body moves in time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum IntegratorKind {
+    /// Backward Euler with one linearisation: real time.
+    #[default]
+    BackwardEuler,
+    /// Backward Euler by Newton's method with line search and direct solves: the reference. The compliance of contacts
+    /// comes from its own matrix, whatever `compliance` says.
+    Newton,
+    /// Central differences with lumped mass in substeps, contact solved in each of them.
+    Explicit,
+}
+
+/// When Newton's iterations of one step stop.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NewtonDescription {
+    /// Most iterations.
+    pub iterations: u32,
+    /// Bound on the residual, relative to the forces that it balances.
+    pub tolerance: f64,
+}
+
+impl Default for NewtonDescription {
+    fn default() -> Self {
+        Self { iterations: 20, tolerance: 1e-6 }
+    }
+}
+
+/// Substeps of explicit integration.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ExplicitDescription {
+    /// Substeps of one step; by default as many as keep each below
+    /// [`EXPLICIT_SAFETY`](crate::world::EXPLICIT_SAFETY) of the critical step at rest.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub substeps: Option<u32>,
+    /// Lets substeps above the critical step run: for maps of limits.
+    pub allow_unstable: bool,
 }
 
 /// A rectangular block; its node sets are `x_min`, `x_max`, `y_min`, `y_max`, `z_min`, `z_max`.

@@ -9,9 +9,10 @@ mod parse;
 use std::path::{Path, PathBuf};
 
 pub use bundled::{BUNDLED_SCENES, BundledScene};
+pub(crate) use check::MOST_SUBSTEPS;
 pub use description::{
-    Axis, BodyDescription, ContactDescription, DeviceDescription, HandDescription, NodeSelection, Plane,
-    RatesDescription, SceneDescription, SolverDescription, ToolDescription,
+    Axis, BodyDescription, ContactDescription, DeviceDescription, ExplicitDescription, HandDescription, IntegratorKind,
+    NewtonDescription, NodeSelection, Plane, RatesDescription, SceneDescription, SolverDescription, ToolDescription,
 };
 pub use error::{InvalidScene, SceneError};
 

@@ -9,6 +9,10 @@
 //! v+ = v + dv + h A⁻¹ Hᵀ lambda, q+ = q + h v+
 //! ```
 //!
+//! By Newton's method the free motion is that of [`palpate_fem::integrator::newton`], and `A` that of its end. Explicitly,
+//! the whole step is repeated in substeps with `A` the lumped mass; the tick then gets the compliance of a substep, which
+//! is that of the touched nodes alone and stiffer than the tissue's.
+//!
 //! Contacts are found at the configuration of the step's begin, where the last correction left the skin outside the
 //! tool; `q_free` would show the tool deep in tissue that has already sprung back.
 
@@ -18,14 +22,14 @@ mod workspace;
 
 use std::time::Instant;
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 use palpate_fem::assembly::assemble;
 use palpate_haptics::snapshot::HapticSnapshot;
 
 use crate::refresh::FactorSample;
-use crate::world::World;
+use crate::world::{Integration, World};
 
-pub use report::{StepReport, StepStatus, StepTimes};
+pub use report::{FailedElement, StepReport, StepStatus, StepTimes};
 pub use workspace::{StepState, StepWorkspace};
 
 /// What a step reads from the other threads.
@@ -52,32 +56,91 @@ pub fn step(
 ) -> StepReport {
     let mut report = StepReport::begin(state.step, input, world.dt());
     let mut clock = Clock::start();
-
-    report.assembly = assemble(world.model(), &state.fem, world.dt(), &[], &mut ws.fem);
-    report.times.assembly = clock.lap();
-
-    stages::free_motion(world, input.factor, state, ws, &mut report);
-    report.times.free_motion = clock.lap();
-
-    stages::detection(world, &input.tool, state, ws, &mut report);
-    report.times.detection = clock.lap();
-
-    stages::rows(world, &input.tool, state, ws, &mut report);
-    stages::compliance(world, input.factor, ws, &mut report);
-    report.times.compliance = clock.lap();
-
-    stages::solve(world, state, ws, &mut report);
-    report.times.solve = clock.lap();
-
-    stages::correct(world, input.factor, state, ws, &mut report);
-    report.times.correction = clock.lap();
-
+    state.remember();
+    match world.integration() {
+        Integration::BackwardEuler => {
+            report.assembly = assemble(world.model(), &state.fem, world.dt(), &[], &mut ws.fem);
+            report.times.assembly = clock.lap();
+            stages::free_motion(world, input.factor, state, ws, &mut report);
+            report.times.free_motion = clock.lap();
+            contact(world, &input.tool, input.factor, state, ws, &mut report, &mut clock);
+        }
+        Integration::Newton(config) => {
+            stages::newton_motion(world, config, ws, state, &mut report);
+            report.factor_age = 0.0;
+            report.times.free_motion = clock.lap();
+            contact(world, &input.tool, input.factor, state, ws, &mut report, &mut clock);
+        }
+        Integration::Explicit { substeps, .. } => {
+            report.factor_age = 0.0;
+            explicit(world, input, *substeps, state, ws, &mut report, &mut clock);
+        }
+    }
     stages::hand_over(world, input, state, ws, &report, snapshot);
     state.tool = Some(input.tool);
     state.step += 1;
     report.times.hand_over = clock.lap();
     report.times.total = report.times.sum();
     report
+}
+
+/// Detection, rows, compliance, forces and correction, with the tool at `tool`, after the free motion.
+fn contact(
+    world: &World,
+    tool: &Isometry3<f64>,
+    factor: &FactorSample,
+    state: &mut StepState,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
+    clock: &mut Clock,
+) {
+    stages::detection(world, tool, state, ws, report);
+    report.times.detection += clock.lap();
+    stages::rows(world, tool, state, ws, report);
+    stages::compliance(world, factor, ws, report);
+    report.times.compliance += clock.lap();
+    stages::solve(world, state, ws, report);
+    report.times.solve += clock.lap();
+    stages::correct(world, factor, state, ws, report);
+    report.times.correction += clock.lap();
+}
+
+/// Explicit substeps, each with its own contact, the tool on its way from its last pose to the new one. The report's
+/// force and torque are means over the substeps, its residual and gap the worst, its iterations and times sums.
+fn explicit(
+    world: &World,
+    input: &StepInput<'_>,
+    substeps: u32,
+    state: &mut StepState,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
+    clock: &mut Clock,
+) {
+    let from = state.tool.unwrap_or(input.tool);
+    let share = 1.0 / f64::from(substeps);
+    let (mut force, mut torque, mut residual, mut sweeps) = (Vector3::zeros(), Vector3::zeros(), 0.0_f64, 0);
+    for k in 1..=substeps {
+        stages::explicit_motion(world, state, ws, report);
+        report.times.free_motion += clock.lap();
+        let tool = if k == substeps { input.tool } else { between(&from, &input.tool, f64::from(k) * share) };
+        (report.active, report.indentation) = (0, 0.0);
+        contact(world, &tool, input.factor, state, ws, report, clock);
+        state.tool = Some(tool);
+        if report.status == StepStatus::RolledBack {
+            return;
+        }
+        (force, torque) = (force + report.force * share, torque + report.torque * share);
+        residual = residual.max(report.solve.residual);
+        sweeps += report.solve.iterations;
+    }
+    (report.force, report.torque) = (force, torque);
+    (report.solve.residual, report.solve.iterations) = (residual, sweeps);
+}
+
+/// The pose at the share `t` of the way from `a` to `b`; `a`'s rotation where the two are opposite.
+fn between(a: &Isometry3<f64>, b: &Isometry3<f64>, t: f64) -> Isometry3<f64> {
+    let rotation = a.rotation.try_slerp(&b.rotation, t, 1e-9).unwrap_or(a.rotation);
+    Isometry3::from_parts(a.translation.vector.lerp(&b.translation.vector, t).into(), rotation)
 }
 
 /// Laps of the stages.

@@ -22,6 +22,15 @@ pub enum StepStatus {
     RolledBack,
 }
 
+/// The element at which a body failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FailedElement {
+    /// Tetrahedron of the mesh.
+    pub tetrahedron: u32,
+    /// Its region, as the mesh numbers them; 0 where it has none.
+    pub region: u16,
+}
+
 /// Wall time of the stages (s).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StepTimes {
@@ -64,12 +73,18 @@ pub struct StepReport {
     pub time: f64,
     /// How it ended.
     pub status: StepStatus,
+    /// Where the body was rolled back: the element whose force or stiffness is not finite, or else one at the node that
+    /// went farthest astray.
+    pub failed: Option<FailedElement>,
     /// Pose of the tool that it used.
     pub tool: Isometry3<f64>,
     /// Assembly of forces and matrix.
     pub assembly: AssemblyReport,
-    /// Conjugate gradients of the free motion.
+    /// Linear solves of the free motion: conjugate gradients, or Newton's iterations with the residual that they leave.
+    /// None for explicit substeps.
     pub free_motion: PcgReport,
+    /// Halvings by the line search of Newton's method.
+    pub cuts: u32,
     /// Contacts found, merged, dropped.
     pub detection: DetectionReport,
     /// Rows built from the contacts.
@@ -109,6 +124,7 @@ impl StepReport {
             step,
             time: input.time,
             status: StepStatus::Advanced,
+            failed: None,
             tool: input.tool,
             assembly: AssemblyReport {
                 filtered: 0,
@@ -118,6 +134,7 @@ impl StepReport {
                 non_finite: None,
             },
             free_motion: PcgReport { status: PcgStatus::Converged, iterations: 0, relative_residual: 0.0 },
+            cuts: 0,
             detection: DetectionReport {
                 candidates: 0,
                 contacts: 0,

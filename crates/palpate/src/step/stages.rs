@@ -7,14 +7,18 @@ use palpate_constraints::compliance::{self, ComplianceMethod, WarpedInverse};
 use palpate_constraints::law::{Coulomb, Law, Signorini};
 use palpate_constraints::rows::{ContactRows, RowInput, ToolMotion, build_fixed_rows, build_rows};
 use palpate_fem::factor::{Factor, FactorStatus};
-use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
+use palpate_fem::integrator::backward_euler::{factor_end, newton_step};
+use palpate_fem::integrator::explicit::explicit_velocity;
+use palpate_fem::integrator::newton::{NewtonConfig, NewtonStatus};
+use palpate_fem::pcg::{PcgConfig, PcgReport, PcgStatus, pcg};
 use palpate_fem::preconditioner::WarpedPreconditioner;
 use palpate_fem::rotation::nodal_rotations;
 use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
 use palpate_solver::gauss_seidel::{self, GaussSeidelConfig};
 use palpate_solver::report::{SolveReport, SolveStatus};
 
-use super::{StepInput, StepReport, StepState, StepStatus, StepWorkspace};
+use super::workspace::NewtonStage;
+use super::{FailedElement, StepInput, StepReport, StepState, StepStatus, StepWorkspace};
 use crate::refresh::FactorSample;
 use crate::world::World;
 
@@ -40,6 +44,46 @@ pub(super) fn free_motion(
     for (dv, &node) in ws.v_free.chunks_exact_mut(3).zip(world.model().node_of_free()) {
         let v = &state.fem.v[node as usize];
         (0..3).for_each(|c| dv[c] += v[c]);
+    }
+}
+
+/// The free motion by Newton's method, from the state at the begin of the step, which stays.
+pub(super) fn newton_motion(
+    world: &World,
+    config: &NewtonConfig,
+    ws: &mut StepWorkspace,
+    state: &StepState,
+    report: &mut StepReport,
+) {
+    let Some(stage) = &mut ws.newton else { return };
+    stage.free.q.copy_from_slice(&state.fem.q);
+    stage.free.v.copy_from_slice(&state.fem.v);
+    stage.factored = false;
+    let newton = newton_step(world.model(), ws.dt, &[], config, &mut stage.free, &mut stage.ws);
+    report.assembly = newton.assembly;
+    report.cuts = newton.cuts;
+    report.free_motion = PcgReport {
+        status: match newton.status {
+            NewtonStatus::Converged => PcgStatus::Converged,
+            NewtonStatus::OutOfIterations | NewtonStatus::Stalled => PcgStatus::OutOfIterations,
+            NewtonStatus::Singular => PcgStatus::Indefinite,
+            NewtonStatus::NonFinite => PcgStatus::NonFinite,
+        },
+        iterations: newton.iterations as usize,
+        relative_residual: newton.relative_residual,
+    };
+    for (v, &node) in ws.v_free.chunks_exact_mut(3).zip(world.model().node_of_free()) {
+        v.copy_from_slice(stage.free.v[node as usize].as_slice());
+    }
+}
+
+/// The free velocity of one explicit substep.
+pub(super) fn explicit_motion(world: &World, state: &StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
+    let Some(stage) = &mut ws.explicit else { return };
+    let explicit = explicit_velocity(world.model(), ws.dt, &[], &state.fem, &mut stage.ws);
+    ws.v_free.copy_from_slice(stage.ws.velocity());
+    if explicit.non_finite.is_some() {
+        report.free_motion.status = PcgStatus::NonFinite;
     }
 }
 
@@ -75,7 +119,7 @@ pub(super) fn rows(
     let input = RowInput {
         free_of_node: world.model().free_of_node(),
         v_free: &ws.v_free,
-        dt: world.dt(),
+        dt: ws.dt,
         tool_reference: tool.translation.vector,
         tool_motion: state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::between(&before, tool)),
         friction: friction > 0.0,
@@ -98,7 +142,8 @@ fn contact_law(world: &World) -> Law {
     if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() }
 }
 
-/// `W = h² H A⁻¹ Hᵀ` from the latest factor, warped by the rotations since it was taken, or from this step's own.
+/// `W = h² H A⁻¹ Hᵀ` from the latest factor, warped by the rotations since it was taken, from this step's own, or from the
+/// lumped mass of an explicit substep.
 ///
 /// Where this step's matrix cannot be factored, the latest factor serves, and the report says so. Where that cannot give
 /// `W` either, the step goes on without contact.
@@ -106,23 +151,55 @@ pub(super) fn compliance(world: &World, factor: &FactorSample, ws: &mut StepWork
     if ws.rows.is_empty() {
         return;
     }
-    if let Some(exact) = &mut ws.exact {
+    if let Some(exact) = ws.exact.as_mut().filter(|_| ws.newton.is_none()) {
         report.refused = exact.refactor(&ws.fem.system).status != FactorStatus::Ok;
     }
-    let inverse = inverse(factor, ws.exact.as_ref(), &ws.rotations);
+    if let Some(newton) = &mut ws.newton {
+        newton.factored = factor_end(world.model(), ws.dt, &newton.free, &mut newton.ws);
+        report.refused = !newton.factored;
+    }
     let w = ws.problem.compliance_mut();
-    report.compliance = compliance::assemble(inverse, &ws.rows.tissue, world.dt(), w, &mut ws.compliance);
+    report.compliance = match &mut ws.explicit {
+        Some(explicit) => {
+            let inverse = WarpedInverse { inverse: &explicit.inverse, rotations: None };
+            compliance::assemble(inverse, &ws.rows.tissue, ws.dt, w, &mut explicit.compliance)
+        }
+        None => {
+            let inverse = inverse(factor, ws.exact.as_ref(), ws.newton.as_ref(), &ws.rotations);
+            compliance::assemble(inverse, &ws.rows.tissue, ws.dt, w, &mut ws.compliance)
+        }
+    };
 }
 
 /// What stands for `A⁻¹` in compliance and correction: this step's own factor where there is a valid one.
 fn inverse<'a>(
     latest: &'a FactorSample,
     exact: Option<&'a Factor>,
+    newton: Option<&'a NewtonStage>,
     rotations: &'a [Matrix3<f64>],
 ) -> WarpedInverse<'a, Factor> {
-    match exact.filter(|own| own.is_valid()) {
+    let own = match newton {
+        Some(newton) => newton.factored.then_some(&newton.ws.factor),
+        None => exact.filter(|own| own.is_valid()),
+    };
+    match own {
         Some(own) => WarpedInverse::new(ComplianceMethod::Exact, own, rotations),
         None => WarpedInverse::new(ComplianceMethod::Asynchronous, &latest.factor, rotations),
+    }
+}
+
+/// `h A⁻¹ Hᵀ lambda` into `ws.correction`, with the inverse that gave `W`; false where that cannot be.
+fn correction(factor: &FactorSample, ws: &mut StepWorkspace) -> bool {
+    let lambda = &ws.lambda[..ws.rows.len()];
+    match &mut ws.explicit {
+        Some(explicit) => {
+            let inverse = WarpedInverse { inverse: &explicit.inverse, rotations: None };
+            compliance::correct(inverse, lambda, ws.dt, &mut ws.correction, &mut explicit.compliance)
+        }
+        None => {
+            let inverse = inverse(factor, ws.exact.as_ref(), ws.newton.as_ref(), &ws.rotations);
+            compliance::correct(inverse, lambda, ws.dt, &mut ws.correction, &mut ws.compliance)
+        }
     }
 }
 
@@ -181,6 +258,24 @@ fn is_whole(state: &StepState, nodes: &[u32], h: f64, size: f64) -> bool {
     near && state.fem.q.iter().all(|q| q.iter().all(|x| x.is_finite()))
 }
 
+/// The element to name when a body fails: the one that is known to be at fault, or one at the node that has gone astray,
+/// whose velocity is not finite or the farthest from the body's mean.
+fn failed_element(world: &World, state: &StepState, known: Option<u32>) -> Option<FailedElement> {
+    let mesh = world.mesh();
+    let astray = || {
+        let nodes = world.model().node_of_free();
+        let velocities = || nodes.iter().map(|&n| state.fem.v[n as usize]);
+        let mean = velocities().sum::<Vector3<f64>>() / nodes.len() as f64;
+        let far = |v: Vector3<f64>| if v.norm().is_finite() { (v - mean).norm() } else { f64::INFINITY };
+        let strays =
+            nodes.iter().copied().zip(velocities().map(far)).map(|(n, d)| (n, if d.is_nan() { 0.0 } else { d }));
+        let (node, _) = strays.reduce(|a, b| if b.1 > a.1 { b } else { a })?;
+        mesh.tetrahedra.iter().position(|t| t.contains(&node)).map(|t| t as u32)
+    };
+    let tetrahedron = known.filter(|&t| (t as usize) < mesh.tetrahedra.len()).or_else(astray)?;
+    Some(FailedElement { tetrahedron, region: mesh.regions.get(tetrahedron as usize).copied().unwrap_or(0) })
+}
+
 /// A solve that did not happen.
 pub(super) const NOT_SOLVED: SolveReport = SolveReport {
     status: SolveStatus::NotFinite,
@@ -199,15 +294,10 @@ pub(super) fn correct(
     ws: &mut StepWorkspace,
     report: &mut StepReport,
 ) {
-    let h = world.dt();
-    state.remember();
-    let lambda = &ws.lambda[..ws.rows.len()];
-    let touched = lambda.iter().any(|&l| l != 0.0);
-    if touched {
-        let inverse = inverse(factor, ws.exact.as_ref(), &ws.rotations);
-        if !compliance::correct(inverse, lambda, h, &mut ws.correction, &mut ws.compliance) {
-            ws.correction.fill(f64::NAN);
-        }
+    let h = ws.dt;
+    let touched = ws.lambda[..ws.rows.len()].iter().any(|&l| l != 0.0);
+    if touched && !correction(factor, ws) {
+        ws.correction.fill(f64::NAN);
     }
     for (k, &node) in world.model().node_of_free().iter().enumerate() {
         let mut v = Vector3::new(ws.v_free[3 * k], ws.v_free[3 * k + 1], ws.v_free[3 * k + 2]);
@@ -220,6 +310,7 @@ pub(super) fn correct(
     }
     let overflow = report.assembly.non_finite.is_some() || report.free_motion.status == PcgStatus::NonFinite;
     if overflow || !is_whole(state, world.model().node_of_free(), h, ws.size) {
+        report.failed = failed_element(world, state, report.assembly.non_finite);
         state.roll_back();
         report.status = StepStatus::RolledBack;
         (report.force, report.torque) = (Vector3::zeros(), Vector3::zeros());
@@ -239,7 +330,7 @@ pub(super) fn hand_over(
     // The tick takes number 0 for "no step yet".
     snapshot.step = report.step + 1;
     snapshot.time = input.time + world.dt();
-    snapshot.dt = world.dt();
+    snapshot.dt = ws.dt;
     snapshot.tool_pose = input.tool;
     snapshot.factor_epoch = input.factor.epoch;
     snapshot.factor_age = report.factor_age;

@@ -5,17 +5,21 @@ use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::contact::ContactSet;
 use palpate_collision::detection::DetectionWorkspace;
 use palpate_constraints::compliance::{ComplianceMethod, ComplianceWorkspace};
+use palpate_constraints::lumped::LumpedInverse;
 use palpate_constraints::rows::ContactRows;
 use palpate_constraints::warm_start::WarmStart;
 use palpate_fem::assembly::FemWorkspace;
 use palpate_fem::factor::{Factor, ReachWorkspace, SolveWorkspace};
-use palpate_fem::model::FemState;
+use palpate_fem::integrator::explicit::ExplicitWorkspace;
+use palpate_fem::integrator::newton::ImplicitWorkspace;
+use palpate_fem::model::{FemModel, FemState};
+use palpate_fem::nodal_rows::NodalRows;
 use palpate_fem::pcg::PcgWorkspace;
 use palpate_solver::gauss_seidel::GaussSeidelWorkspace;
 use palpate_solver::problem::ConstraintProblem;
 use std::sync::Arc;
 
-use crate::world::World;
+use crate::world::{Integration, World};
 
 /// Rows of a contact with friction.
 const ROWS: usize = 3;
@@ -76,6 +80,35 @@ impl StepState {
     }
 }
 
+/// Scratch of steps by Newton's method.
+pub(super) struct NewtonStage {
+    pub(super) ws: ImplicitWorkspace,
+    /// Where the free motion leads.
+    pub(super) free: FemState,
+    /// Whether the factor of the end of the free motion serves this step.
+    pub(super) factored: bool,
+}
+
+/// Scratch of explicit substeps.
+pub(super) struct ExplicitStage {
+    pub(super) ws: ExplicitWorkspace,
+    pub(super) inverse: LumpedInverse,
+    pub(super) compliance: ComplianceWorkspace<NodalRows>,
+}
+
+impl ExplicitStage {
+    /// Memory for substeps `dt` (s): the system matrix is `M (1 + αh/2)`.
+    fn new(model: &FemModel, dt: f64, rows: usize) -> Self {
+        let damping = 1.0 + 0.5 * dt * model.rayleigh_mass();
+        Self {
+            ws: ExplicitWorkspace::new(model),
+            inverse: LumpedInverse::new(model.node_of_free().iter().map(|&n| model.mass()[n as usize] * damping)),
+            // A row touches three nodes at most.
+            compliance: ComplianceWorkspace::new(rows, NodalRows::with_capacity(rows, 3)),
+        }
+    }
+}
+
 /// Scratch of the step, sized at set-up.
 pub struct StepWorkspace {
     /// Forces, matrix, right side.
@@ -98,6 +131,12 @@ pub struct StepWorkspace {
     pub(super) gauss_seidel: GaussSeidelWorkspace,
     /// Factor of this step's own matrix, where the scene asks for exact compliance.
     pub(super) exact: Option<Factor>,
+    /// Newton's method, where it integrates.
+    pub(super) newton: Option<NewtonStage>,
+    /// Central differences, where they integrate.
+    pub(super) explicit: Option<ExplicitStage>,
+    /// The step that the stages take: the scene's, or a substep of it (s).
+    pub(super) dt: f64,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
 }
@@ -125,7 +164,22 @@ impl StepWorkspace {
         let contacts = world.detection().max_contacts;
         let rows = ROWS * contacts;
         let exact = world.description().bodies[0].compliance == ComplianceMethod::Exact;
+        let (mut newton, mut explicit, mut dt) = (None, None, world.dt());
+        match *world.integration() {
+            Integration::BackwardEuler => {}
+            Integration::Newton(_) => {
+                let ws = ImplicitWorkspace::new(model, symbolic);
+                newton = Some(NewtonStage { ws, free: model.rest_state(), factored: false });
+            }
+            Integration::Explicit { dt: substep, .. } => {
+                explicit = Some(ExplicitStage::new(model, substep, rows));
+                dt = substep;
+            }
+        }
         Self {
+            newton,
+            explicit,
+            dt,
             fem: FemWorkspace::new(model),
             rotations: vec![Matrix3::identity(); free],
             pcg: PcgWorkspace::new(free),

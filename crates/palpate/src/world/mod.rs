@@ -1,7 +1,9 @@
 //! A scene made ready: mesh, body, symbolic factorisation, tool. Nothing in it changes while a run lasts.
 
+mod elements;
 mod fixed;
 mod geometry;
+mod integration;
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -13,14 +15,16 @@ use palpate_collision::detection::{DetectionConfig, DetectionWorkspace, detect};
 use palpate_collision::shape::ToolShape;
 use palpate_fem::factor::SymbolicFactor;
 use palpate_fem::mesh::{MeshQuality, TetMesh};
-use palpate_fem::model::{FemConfig, FemModel};
+use palpate_fem::model::{FemConfig, FemError, FemModel};
 use palpate_fem::surface::Surface;
 
 use crate::scene::{Scene, SceneDescription, SceneError};
+use elements::{locking, with_nodes_for};
 use fixed::fixed_nodes;
 use geometry::{Loaded, load};
 
 pub use geometry::{is_surface, make};
+pub use integration::{EXPLICIT_SAFETY, Integration};
 
 /// A scene made ready to run.
 pub struct World {
@@ -32,6 +36,7 @@ pub struct World {
     symbolic: Arc<SymbolicFactor>,
     geometry: SurfaceGeometry,
     detection: DetectionConfig,
+    integration: Integration,
     warnings: Vec<String>,
 }
 
@@ -86,6 +91,11 @@ impl World {
         &self.detection
     }
 
+    /// How the body moves in time.
+    pub fn integration(&self) -> &Integration {
+        &self.integration
+    }
+
     /// What is odd but no mistake.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
@@ -107,10 +117,11 @@ impl World {
         let _ = writeln!(text, "scene {}: {}", d.name, d.description);
         let _ = writeln!(
             text,
-            "body {}: {} nodes ({fixed} fixed), {} tetrahedra, {:.1} cm³, {:.3} kg",
+            "body {}: {} nodes ({fixed} fixed), {} tetrahedra ({}), {:.1} cm³, {:.3} kg",
             body.name,
             self.mesh.nodes.len(),
             self.mesh.tetrahedra.len(),
+            body.element.name(),
             q.volume * 1e6,
             self.model.mass().iter().sum::<f64>(),
         );
@@ -129,13 +140,18 @@ impl World {
             c.friction,
             c.max_contacts
         );
+        let _ = writeln!(text, "integrator: {}", self.integration);
         let _ = writeln!(
             text,
             "rates: step {} Hz, factor {} Hz, tick {} Hz; compliance {}",
             d.rates.step,
             d.rates.factor,
             d.rates.tick,
-            format!("{:?}", body.compliance).to_lowercase()
+            match self.integration {
+                Integration::BackwardEuler => format!("{:?}", body.compliance).to_lowercase(),
+                Integration::Newton(_) => "of the step's own matrix".into(),
+                Integration::Explicit { .. } => "of the lumped mass, in every substep".into(),
+            }
         );
         let _ = write!(
             text,
@@ -177,6 +193,7 @@ pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
 fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<World, SceneError> {
     let description = scene.description();
     let body = &description.bodies[0];
+    let mesh = with_nodes_for(body.element, mesh, &mut warnings);
     let quality = mesh.validate()?;
     warnings.extend(quality.warnings().iter().map(ToString::to_string));
     warnings.dedup();
@@ -189,7 +206,9 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
             return Err(scene.at(&format!("body.0.regions.{name}"), message, format!("its regions are {known}")));
         }
     }
+    warnings.extend(locking(body, &mesh));
     let config = FemConfig {
+        element: body.element,
         material: body.material,
         region_materials: body.regions.clone(),
         density: body.density,
@@ -204,11 +223,15 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     if config.fixed.is_empty() {
         warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
     }
-    let model = FemModel::new(&mesh, &config)
-        .map_err(|e| scene.at("body.0", e.to_string(), "correct the body's materials, density or fixed nodes"))?;
+    let model = FemModel::new(&mesh, &config).map_err(|e| match e {
+        FemError::NoBulk { .. } => scene.at("body.0.element", e.to_string(), "change the element or the law"),
+        _ => scene.at("body.0", e.to_string(), "correct the body's materials, density or fixed nodes"),
+    })?;
     let positions: Vec<_> = model.node_of_free().iter().map(|&n| mesh.nodes[n as usize]).collect();
     let symbolic = SymbolicFactor::new(model.pattern(), &positions)
         .map_err(|e| scene.at("body.0", e.to_string(), "use a smaller mesh"))?;
+    let symbolic = Arc::new(symbolic);
+    let integration = Integration::new(scene, &model, &symbolic, 1.0 / description.rates.step)?;
     let contact = &description.contact;
     let detection = DetectionConfig {
         kind: contact.at,
@@ -227,9 +250,10 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         quality,
         surface,
         model,
-        symbolic: Arc::new(symbolic),
+        symbolic,
         geometry,
         detection,
+        integration,
         warnings,
     };
     tool_outside(&world)?;
