@@ -46,7 +46,7 @@ impl<L: Hyperelastic> WithSimd for SixPieces<'_, L> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { law, pack, edges, out } = self;
-        for part in 0..parts::<S>(pack) {
+        for part in 0..parts::<S, 1>(pack) {
             let e = load33(simd, edges, part);
             let gram = load6(simd, &pack.gram, part);
             let inverse_det = Lanes::load(simd, &pack.inverse_det, part);

@@ -36,7 +36,7 @@ impl WithSimd for SmallStrain<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { lame, pack, edges, out } = self;
-        for part in 0..parts::<S>(pack) {
+        for part in 0..parts::<S, 1>(pack) {
             let e = load33(simd, edges, part);
             let D = load33(simd, &pack.shape, part);
             let gram = load6(simd, &pack.gram, part);
