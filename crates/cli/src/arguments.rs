@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
+use palpate::solver::solver::Solver;
 
 use crate::exit;
 
@@ -14,7 +15,8 @@ const EXAMPLES: &str = "Examples:
   palpate equilibrium my_scene.toml --final state.vtu
   palpate mesh organ.msh                     size, quality and faults of a mesh
   palpate mesh make liver.inr.gz --cell 10mm --out organ.vtu
-  palpate replay liver.mcap                  run a trace again and compare every force";
+  palpate replay liver.mcap                  run a trace again and compare every force
+  palpate solve problem.json --solver all    one contact problem by every solver";
 
 /// Real-time haptic simulation of soft tissue.
 #[derive(Debug, Parser)]
@@ -47,6 +49,9 @@ pub(crate) enum Command {
     Mesh(MeshArguments),
     /// List the bundled scenes.
     Scenes,
+    /// Solve contact problems from files: our JSON, or the .dat texts of Siconos.
+    #[command(after_help = exit::HELP)]
+    Solve(SolveArguments),
     /// Run the scene of a trace again and compare every force with the record, to the bit.
     Replay {
         /// The trace.
@@ -85,6 +90,9 @@ pub(crate) struct RunArguments {
     /// Trace file (MCAP), by default the name of the scene with .mcap. The picture lies beside it, with .svg.
     #[arg(long, value_name = "FILE")]
     pub(crate) trace: Option<PathBuf>,
+    /// Write the contact problem of each step that has contacts into this folder, for `palpate solve`.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) save_problems: Option<PathBuf>,
     /// Write the end state of the body as VTU.
     #[arg(long = "final", value_name = "FILE")]
     pub(crate) final_state: Option<PathBuf>,
@@ -109,6 +117,31 @@ pub(crate) struct EquilibriumArguments {
     /// Print the result as JSON, and nothing else on standard output.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SolveArguments {
+    /// Problem files, as `palpate run --save-problems` writes them, or friction-contact and LCP texts of Siconos.
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
+    /// Solver, or `all`. With `all`, a problem counts as solved if one of them solves it.
+    #[arg(long, value_name = "NAME", default_value = "automatic", value_parser = solver_names())]
+    pub(crate) solver: String,
+    /// Residual to reach (natural map, relative to the violated gaps).
+    #[arg(long, value_name = "T", default_value_t = 1e-6, value_parser = positive, allow_negative_numbers = true)]
+    pub(crate) tol: f64,
+    /// Limit of iterations; the solver's own by default.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) max_iter: Option<u32>,
+    /// Limit of time for each solver and problem, in seconds.
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
+    pub(crate) time_limit: Option<f64>,
+    /// Print reports and residual histories as JSON, and nothing else on standard output.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Write forces and gaps of the best answer as JSON; for one FILE.
+    #[arg(long, value_name = "SOLUTION")]
+    pub(crate) out: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -154,6 +187,11 @@ pub(crate) enum MeshCommand {
 fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "not a number".to_string())?;
     if value > 0.0 && value.is_finite() { Ok(value) } else { Err("give a positive number".into()) }
+}
+
+/// Names that `--solver` takes.
+fn solver_names() -> clap::builder::PossibleValuesParser {
+    Solver::NAMES.iter().copied().chain(["all"]).collect::<Vec<_>>().into()
 }
 
 /// A number of worker threads.

@@ -15,8 +15,11 @@ pub(crate) const DIFFERENT: u8 = 4;
 /// A mesh can be read but not simulated.
 pub(crate) const UNUSABLE: u8 = 5;
 
+/// A contact problem was not solved to the tolerance.
+pub(crate) const NOT_SOLVED: u8 = 6;
+
 /// No static equilibrium was found under the whole load.
-pub(crate) const NO_EQUILIBRIUM: u8 = 6;
+pub(crate) const NO_EQUILIBRIUM: u8 = 7;
 
 /// Ended by Ctrl-C; the trace is complete up to there. What a shell reports for a program that SIGINT ended.
 pub(crate) const INTERRUPTED: u8 = 130;
@@ -25,11 +28,12 @@ pub(crate) const INTERRUPTED: u8 = 130;
 pub(crate) const HELP: &str = "Exit codes:
     0  done
     1  done, but a file could not be written
-    2  a mistake in the command line, a scene or a mesh; nothing was run and no file was written
+    2  a mistake in the command line, a scene, a mesh or a problem; nothing was run and no file was written
     3  the body failed during a run: rolled back, zero force, complete trace
     4  a replay differs from its trace
     5  a mesh can be read but not simulated
-    6  no static equilibrium was found under the whole load
+    6  a contact problem was not solved to the tolerance
+    7  no static equilibrium was found under the whole load
   130  ended by Ctrl-C; everything was written up to there";
 
 #[cfg(test)]
@@ -38,7 +42,7 @@ mod tests {
 
     #[test]
     fn every_code_is_in_the_help_once() {
-        let codes = [0, FILE_LOST, MISTAKE, BODY_FAILED, DIFFERENT, UNUSABLE, NO_EQUILIBRIUM, INTERRUPTED];
+        let codes = [0, FILE_LOST, MISTAKE, BODY_FAILED, DIFFERENT, UNUSABLE, NOT_SOLVED, NO_EQUILIBRIUM, INTERRUPTED];
         let listed: Vec<u8> = HELP.lines().skip(1).filter_map(|l| l.split_whitespace().next()?.parse().ok()).collect();
         assert_eq!(listed, codes);
     }

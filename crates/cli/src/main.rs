@@ -6,6 +6,7 @@ mod exit;
 mod output;
 mod picture;
 mod progress;
+mod solver_table;
 mod step_table;
 mod table;
 
@@ -29,6 +30,7 @@ fn main() -> ExitCode {
         Command::Equilibrium(equilibrium) => command::equilibrium::equilibrium(&equilibrium),
         Command::Mesh(mesh) => command::mesh::mesh(&mesh),
         Command::Scenes => command::scenes::scenes(),
+        Command::Solve(solve) => command::solve::solve(&solve),
         Command::Replay { trace } => command::replay::replay(&trace),
     };
     outcome.map_or_else(

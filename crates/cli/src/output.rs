@@ -38,6 +38,13 @@ pub(crate) fn check_writable(option: &str, path: &Path) -> Result<()> {
     })
 }
 
+/// Makes a folder for outputs, if it is not there.
+pub(crate) fn make_folder(option: &str, path: &Path) -> Result<()> {
+    std::fs::create_dir_all(path).map_err(|e| {
+        miette!(help = "name a folder that can be made", "{option} {}: cannot be made: {e}", path.display())
+    })
+}
+
 /// The files that a run writes.
 pub(crate) struct Outputs {
     pub(crate) trace: Option<PathBuf>,

@@ -6,6 +6,7 @@ use palpate_haptics::snapshot::HapticSnapshot;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::gathering::Gathering;
+use crate::problem_files::ProblemFiles;
 use crate::record::{FactorLine, StepLine, TraceLines};
 use crate::refresh::{FactorSample, Refresh, RefreshPort, refresh};
 use crate::run::{RunError, RunOptions, RunOutcome};
@@ -44,8 +45,9 @@ impl<'w> Engine<'w> {
         let (step_line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, &mut notes)?;
         let ticker = Ticker::new(world, device, snapshot_reader, pose_writer, tick_line)?;
         let state = StepState::new(world, rest);
-        let stage =
-            StepStage { world, state, ws, port, snapshots: snapshot_writer, poses: pose_reader, line: step_line };
+        let problems = options.problems.clone().map(ProblemFiles::new);
+        let (snapshots, poses, line) = (snapshot_writer, pose_reader, step_line);
+        let stage = StepStage { world, state, ws, port, snapshots, poses, line, problems };
         Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes })
     }
 
@@ -59,6 +61,7 @@ impl<'w> Engine<'w> {
     /// Ends the trace and sums the run up. `wall` is the time it took in real time (s).
     pub(crate) fn finish(self, mut gathering: Gathering, wall: Option<f64>) -> RunOutcome {
         gathering.notes.splice(0..0, self.notes);
+        gathering.notes.extend(self.stage.problems.as_ref().map(ProblemFiles::note));
         let trace = self.trace.map(|trace| trace.finish(&gathering));
         RunOutcome { summary: gathering.summary(self.world, wall, trace), state: self.stage.state.fem }
     }
@@ -82,6 +85,7 @@ pub(crate) struct StepStage<'w> {
     snapshots: Writer<HapticSnapshot>,
     poses: Reader<Isometry3<f64>>,
     line: StepLine,
+    problems: Option<ProblemFiles>,
 }
 
 impl StepStage<'_> {
@@ -90,6 +94,9 @@ impl StepStage<'_> {
         let input = StepInput { time, tool: *self.poses.latest(), factor: self.port.factor() };
         let report = step(self.world, &input, &mut self.state, &mut self.ws, self.snapshots.value_mut());
         self.snapshots.publish();
+        if let Some(problems) = &mut self.problems {
+            problems.save(&report, self.ws.problem());
+        }
         // The other integrators use no factor of an older step.
         if report.status == StepStatus::Advanced && *self.world.integration() == Integration::BackwardEuler {
             self.port.offer(report.step, time, self.state.before(), &self.ws.fem.system);

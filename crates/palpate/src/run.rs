@@ -41,11 +41,14 @@ pub struct RunOptions {
     pub threads: Option<usize>,
     /// Trace to write.
     pub trace: Option<PathBuf>,
+    /// Existing folder for the contact problem of each step that has contacts. Written by the step, which is slower for
+    /// it; the tick is not.
+    pub problems: Option<PathBuf>,
 }
 
 impl Default for RunOptions {
     fn default() -> Self {
-        Self { length: Length::Seconds(10.0), lockstep: false, threads: None, trace: None }
+        Self { length: Length::Seconds(10.0), lockstep: false, threads: None, trace: None, problems: None }
     }
 }
 

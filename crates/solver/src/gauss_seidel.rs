@@ -19,18 +19,15 @@
 //! Work is bounded by `max_sweeps`, memory is the workspace's, and `lambda` is finite and inside its cones at the end of
 //! every sweep.
 
+use crate::iteration::{self, Advance, Stop};
 use crate::problem::{Block, ProblemView, gather, scatter};
 use crate::report::{SolveReport, SolveStatus};
-use crate::residual::{Residual, natural_map_scaled, scale};
+use crate::residual::{Residual, natural_map_scaled};
 use crate::solver::ConstraintSolver;
+use crate::watch::Watch;
 use nalgebra::Vector3;
 use palpate_constraints::law::LocalCompliance;
 use serde::{Deserialize, Serialize};
-
-/// Age in sweeps from which the running gap is not trusted with accepting an answer. A sweep adds rounding of about
-/// `eps |W| |change of lambda|`, so that eight leave it near 1e-14 of the gaps' size; in a warm solve of a few sweeps
-/// forming it anew would cost as much as a sweep for nothing.
-const REFRESH_SWEEPS: u32 = 8;
 
 /// Order in which a sweep visits the blocks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,6 +38,8 @@ pub enum SweepOrder {
     Forward,
     /// First to last and last to first in turn: an early stop favours neither end.
     Symmetric,
+    /// A new order in every sweep, the same in every run.
+    Shuffled,
 }
 
 /// Parameters of block Gauss-Seidel.
@@ -70,11 +69,13 @@ impl Default for GaussSeidelConfig {
 #[derive(Clone, Debug, Default)]
 pub struct GaussSeidelWorkspace {
     /// Gap of all rows at the current forces, m.
-    delta: Vec<f64>,
+    pub(crate) delta: Vec<f64>,
     /// Forces with the smallest residual so far, N.
-    best: Vec<f64>,
+    pub(crate) best: Vec<f64>,
     /// Diagonal blocks.
-    local: Vec<LocalCompliance>,
+    pub(crate) local: Vec<LocalCompliance>,
+    /// Order of a shuffled sweep.
+    order: Vec<usize>,
     capacity: usize,
 }
 
@@ -86,6 +87,7 @@ impl GaussSeidelWorkspace {
             delta: Vec::with_capacity(rows),
             best: Vec::with_capacity(rows),
             local: Vec::with_capacity(rows),
+            order: Vec::with_capacity(rows),
             capacity: rows,
         }
     }
@@ -156,6 +158,36 @@ pub fn sweep(
     true
 }
 
+/// One sweep in the order that belongs to `number`: Fisher-Yates with the numbers of a xorshift generator [Marsaglia
+/// 2003].
+fn shuffled_sweep(
+    view: &ProblemView<'_>,
+    lambda: &mut [f64],
+    relaxation: f64,
+    number: u32,
+    ws: &mut GaussSeidelWorkspace,
+) -> bool {
+    if !ws.fits(view, lambda) {
+        return false;
+    }
+    let GaussSeidelWorkspace { delta, local, order, .. } = ws;
+    order.clear();
+    order.extend(0..view.blocks.len());
+    let mut state = (u64::from(number) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    for last in (1..order.len()).rev() {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        order.swap(last, (state % (last as u64 + 1)) as usize);
+    }
+    for &a in order.iter() {
+        if let (Some(block), Some(local)) = (view.blocks.get(a), local.get(a)) {
+            relax(view, block, local, relaxation, lambda, delta);
+        }
+    }
+    true
+}
+
 /// Residual of the current forces, from the running gap: O(m). `scale` in m from [`crate::residual::scale`].
 #[must_use]
 pub fn residual(view: &ProblemView<'_>, lambda: &[f64], scale: f64, ws: &GaussSeidelWorkspace) -> Residual {
@@ -170,97 +202,39 @@ pub fn solve(
     config: &GaussSeidelConfig,
     ws: &mut GaussSeidelWorkspace,
 ) -> SolveReport {
-    if let Err(status) = prepare(view, lambda, ws) {
-        return SolveReport::failed(status, 0);
-    }
-    let Some(scale) = scale(view) else {
-        // No block needs a force: none is a solution, whatever the start was.
-        lambda.fill(0.0);
-        ws.delta.copy_from_slice(view.delta_free);
-        return SolveReport { residual: 0.0, worst_gap: 0.0, ..SolveReport::failed(SolveStatus::Solved, 0) };
-    };
-    let (status, sweeps, best) = iterate(view, lambda, scale, config, ws);
-    if status == SolveStatus::NotFinite {
-        lambda.fill(0.0);
-        ws.delta.clear();
-        return SolveReport { worst_block: index(best.residual.worst_block), ..SolveReport::failed(status, sweeps) };
-    }
-    if best.sweep != sweeps {
-        lambda.copy_from_slice(&ws.best);
-        view.gap(lambda, &mut ws.delta);
-    }
-    SolveReport {
-        status,
-        iterations: sweeps,
-        residual: best.residual.relative,
-        worst_block: index(best.residual.worst_block),
-        worst_gap: best.residual.worst_gap,
-    }
-}
-
-/// A residual and the sweep after which it was found.
-#[derive(Clone, Copy)]
-struct Mark {
-    residual: Residual,
-    sweep: u32,
-}
-
-/// Sweeps until one of the ends; the best forces are in `ws.best`. For [`SolveStatus::NotFinite`] the mark is the last.
-fn iterate(
-    view: &ProblemView<'_>,
-    lambda: &mut [f64],
-    scale: f64,
-    config: &GaussSeidelConfig,
-    ws: &mut GaussSeidelWorkspace,
-) -> (SolveStatus, u32, Mark) {
-    let mut now = Mark { residual: residual(view, lambda, scale, ws), sweep: 0 };
-    let (mut best, mut milestone, mut refreshed) = (now, now, 0);
-    ws.best.clear();
-    ws.best.extend_from_slice(lambda);
-    loop {
-        // The running gap gathers rounding: form it anew now and then, and before an answer is accepted.
-        let age = now.sweep - refreshed;
-        let accepting = now.residual.relative <= config.tolerance;
-        if age >= 4 * REFRESH_SWEEPS || (accepting && age >= REFRESH_SWEEPS) {
-            view.gap(lambda, &mut ws.delta);
-            refreshed = now.sweep;
-            now.residual = residual(view, lambda, scale, ws);
-        }
-        if !now.residual.relative.is_finite() {
-            return (SolveStatus::NotFinite, now.sweep, now);
-        }
-        if now.residual.relative < best.residual.relative {
-            best = now;
-            ws.best.copy_from_slice(lambda);
-        }
-        if now.residual.relative < 0.99 * milestone.residual.relative {
-            milestone = now;
-        }
-        if now.residual.relative <= config.tolerance {
-            return (SolveStatus::Solved, now.sweep, best);
-        }
-        if now.sweep >= config.max_sweeps {
-            return (SolveStatus::MaxIterations, now.sweep, best);
-        }
-        if now.sweep - milestone.sweep >= config.stall_sweeps.max(1) {
-            return (SolveStatus::Stalled, now.sweep, best);
-        }
-        let backward = config.order == SweepOrder::Symmetric && now.sweep % 2 == 1;
-        sweep(view, lambda, config.relaxation, backward, ws);
-        now = Mark { residual: residual(view, lambda, scale, ws), sweep: now.sweep + 1 };
-    }
+    config.solve_watched(view, lambda, ws, &mut Watch::none())
 }
 
 impl ConstraintSolver for GaussSeidelConfig {
     const NAME: &'static str = "gauss_seidel";
     type Workspace = GaussSeidelWorkspace;
 
-    fn workspace(rows: usize) -> GaussSeidelWorkspace {
+    fn workspace(&self, rows: usize) -> GaussSeidelWorkspace {
         GaussSeidelWorkspace::with_capacity(rows)
     }
 
-    fn solve(&self, view: &ProblemView<'_>, lambda: &mut [f64], ws: &mut GaussSeidelWorkspace) -> SolveReport {
-        solve(view, lambda, self, ws)
+    fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
+        Self { tolerance, max_sweeps: max_iterations.unwrap_or(self.max_sweeps), ..self }
+    }
+
+    fn solve_watched(
+        &self,
+        view: &ProblemView<'_>,
+        lambda: &mut [f64],
+        ws: &mut GaussSeidelWorkspace,
+        watch: &mut Watch<'_>,
+    ) -> SolveReport {
+        let stop = Stop { tolerance: self.tolerance, max_iterations: self.max_sweeps, stall: self.stall_sweeps };
+        let mut sweeps = 0_u32;
+        iteration::run(view, lambda, stop, ws, watch, |lambda, ws, _| {
+            match self.order {
+                SweepOrder::Forward => sweep(view, lambda, self.relaxation, false, ws),
+                SweepOrder::Symmetric => sweep(view, lambda, self.relaxation, sweeps % 2 == 1, ws),
+                SweepOrder::Shuffled => shuffled_sweep(view, lambda, self.relaxation, sweeps, ws),
+            };
+            sweeps += 1;
+            Advance::Updated
+        })
     }
 }
 
@@ -290,7 +264,7 @@ fn relax(
 
 /// `delta += W_{.,a} change`, one pass over `delta`.
 #[inline]
-fn add_columns(view: &ProblemView<'_>, block: &Block, change: &Vector3<f64>, delta: &mut [f64]) {
+pub(crate) fn add_columns(view: &ProblemView<'_>, block: &Block, change: &Vector3<f64>, delta: &mut [f64]) {
     let first = view.column(block.start);
     match block.law.rows() {
         1 => {
@@ -311,9 +285,4 @@ fn add_columns(view: &ProblemView<'_>, block: &Block, change: &Vector3<f64>, del
             }
         }
     }
-}
-
-/// Block numbers in reports are 32 bits wide.
-fn index(block: usize) -> u32 {
-    u32::try_from(block).unwrap_or(u32::MAX)
 }

@@ -5,9 +5,22 @@
 //! given, and answers with forces in N and a [`SolveReport`](report::SolveReport). All solvers stop on the residual of
 //! [`residual`]. A solver is one file and one line in [`solver`].
 
+pub mod accelerated_gradient;
+pub mod automatic;
+pub mod comparison;
+mod complementarity;
+mod conic;
+pub mod conic_friction;
+pub mod conic_qp;
+mod dense;
 pub mod gauss_seidel;
+mod iteration;
+pub mod lemke;
+pub mod newton;
+pub mod nncg;
 pub mod problem;
 pub mod problem_file;
 pub mod report;
 pub mod residual;
 pub mod solver;
+pub mod watch;

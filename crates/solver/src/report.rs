@@ -11,6 +11,13 @@ pub enum SolveStatus {
     MaxIterations,
     /// The residual stopped falling (conflicting rows, or no solution near); `lambda` is the best iterate.
     Stalled,
+    /// The limit of time was reached; `lambda` is the best iterate.
+    TimeLimit,
+    /// The method found that there is no solution, or none that it can reach (a ray of Lemke's method, a certificate of a
+    /// cone solver); `lambda` is the best iterate.
+    NoSolution,
+    /// The method does not know a law of the problem, or needs a symmetric `W`; `lambda` is the admissible start.
+    Unsupported,
     /// The problem holds or produced numbers that are not finite; `lambda` is zero.
     NotFinite,
     /// Sizes of the problem, of `lambda` or of the workspace's last preparation disagree; `lambda` is zero.

@@ -1,8 +1,16 @@
 //! The register of solvers.
 
+use crate::accelerated_gradient::{AcceleratedGradientConfig, AcceleratedGradientWorkspace};
+use crate::automatic::{AutomaticConfig, AutomaticWorkspace};
+use crate::conic_friction::ConicFrictionConfig;
+use crate::conic_qp::ConicQpConfig;
 use crate::gauss_seidel::{GaussSeidelConfig, GaussSeidelWorkspace};
+use crate::lemke::{LemkeConfig, LemkeWorkspace};
+use crate::newton::{NewtonConfig, NewtonWorkspace};
+use crate::nncg::{NncgConfig, NncgWorkspace};
 use crate::problem::ProblemView;
 use crate::report::{SolveReport, SolveStatus};
+use crate::watch::Watch;
 use serde::{Deserialize, Serialize};
 
 /// What a solver must offer: its parameters are the implementing type, its memory is `Workspace`.
@@ -13,11 +21,21 @@ pub trait ConstraintSolver: Copy + Default {
     type Workspace;
 
     /// Memory for problems of up to `rows` rows.
-    fn workspace(rows: usize) -> Self::Workspace;
+    fn workspace(&self, rows: usize) -> Self::Workspace;
+
+    /// The same with another tolerance (natural-map residual, relative) and, if given, another limit of iterations.
+    #[must_use]
+    fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self;
 
     /// Solves from the forces in `lambda` (N) and leaves the answer there: finite and admissible whatever the status.
-    /// Allocates nothing.
-    fn solve(&self, view: &ProblemView<'_>, lambda: &mut [f64], ws: &mut Self::Workspace) -> SolveReport;
+    /// Allocates nothing, unless the solver's own page says otherwise.
+    fn solve_watched(
+        &self,
+        view: &ProblemView<'_>,
+        lambda: &mut [f64],
+        ws: &mut Self::Workspace,
+        watch: &mut Watch<'_>,
+    ) -> SolveReport;
 }
 
 macro_rules! solvers {
@@ -27,6 +45,21 @@ macro_rules! solvers {
         #[serde(tag = "type", rename_all = "snake_case")]
         pub enum Solver {
             $($(#[$doc])* $variant($config),)+
+        }
+
+        /// The name of a registered solver, for descriptions that leave its parameters at their defaults.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        pub enum SolverKind {
+            $($(#[$doc])* $variant,)+
+        }
+
+        impl SolverKind {
+            /// The solver with default parameters.
+            #[must_use]
+            pub fn solver(self) -> Solver {
+                match self { $(SolverKind::$variant => Solver::$variant(<$config>::default()),)+ }
+            }
         }
 
         /// Memory of any registered solver.
@@ -58,15 +91,35 @@ macro_rules! solvers {
             #[must_use]
             pub fn workspace(&self, rows: usize) -> SolverWorkspace {
                 match self {
-                    $(Solver::$variant(_) => SolverWorkspace::$variant(<$config>::workspace(rows)),)+
+                    $(Solver::$variant(config) => SolverWorkspace::$variant(config.workspace(rows)),)+
                 }
             }
 
-            /// [`ConstraintSolver::solve`]; a workspace of another solver ends as [`SolveStatus::Invalid`].
+            /// [`ConstraintSolver::limited`]
+            #[must_use]
+            pub fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
+                match self {
+                    $(Solver::$variant(config) => Solver::$variant(config.limited(tolerance, max_iterations)),)+
+                }
+            }
+
+            /// [`Solver::solve_watched`] without limit of time and record.
             pub fn solve(&self, view: &ProblemView<'_>, lambda: &mut [f64], ws: &mut SolverWorkspace) -> SolveReport {
+                self.solve_watched(view, lambda, ws, &mut Watch::none())
+            }
+
+            /// [`ConstraintSolver::solve_watched`]; a workspace of another solver ends as [`SolveStatus::Invalid`].
+            pub fn solve_watched(
+                &self,
+                view: &ProblemView<'_>,
+                lambda: &mut [f64],
+                ws: &mut SolverWorkspace,
+                watch: &mut Watch<'_>,
+            ) -> SolveReport {
                 match (self, ws) {
-                    $((Solver::$variant(config), SolverWorkspace::$variant(ws)) => config.solve(view, lambda, ws),)+
-                    #[allow(unreachable_patterns)] // reachable with the second solver
+                    $((Solver::$variant(config), SolverWorkspace::$variant(ws)) => {
+                        config.solve_watched(view, lambda, ws, watch)
+                    })+
                     _ => {
                         lambda.fill(0.0);
                         SolveReport::failed(SolveStatus::Invalid, 0)
@@ -80,6 +133,20 @@ macro_rules! solvers {
 solvers! {
     /// Block Gauss-Seidel.
     GaussSeidel(GaussSeidelConfig, GaussSeidelWorkspace),
+    /// Nonsmooth nonlinear conjugate gradients over sweeps of Gauss-Seidel.
+    Nncg(NncgConfig, NncgWorkspace),
+    /// Semismooth Newton on the equations of Alart and Curnier.
+    SemismoothNewton(NewtonConfig, NewtonWorkspace),
+    /// Lemke's pivoting method on the linear complementarity problem with a faceted cone.
+    Lemke(LemkeConfig, LemkeWorkspace),
+    /// One quadratic program, for problems without friction (Clarabel).
+    ConicQp(ConicQpConfig, GaussSeidelWorkspace),
+    /// Second-order cone programs with De Saxcé's correction (Clarabel).
+    ConicFriction(ConicFrictionConfig, GaussSeidelWorkspace),
+    /// Accelerated projected gradient with restart.
+    AcceleratedGradient(AcceleratedGradientConfig, AcceleratedGradientWorkspace),
+    /// The cheapest that solves the problem.
+    Automatic(AutomaticConfig, AutomaticWorkspace),
 }
 
 impl Default for Solver {
@@ -96,6 +163,10 @@ mod tests {
     fn every_name_finds_its_solver() {
         for name in Solver::NAMES {
             assert_eq!(Solver::from_name(name).map(|solver| solver.name()), Some(*name));
+            let kind: SolverKind = serde_json::from_value(serde_json::json!(name)).unwrap();
+            assert_eq!(kind.solver().name(), *name);
+            // The text form of the solver carries the same name.
+            assert_eq!(serde_json::to_value(kind.solver()).unwrap()["type"], *name);
         }
         assert_eq!(Solver::from_name("gaussseidel"), None);
     }

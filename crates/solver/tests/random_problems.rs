@@ -1,8 +1,8 @@
 //! What must hold for any problem: sound ones converge, unsound ones end with a status and finite, admissible forces.
 #![allow(non_snake_case)]
 
-use nalgebra::{DMatrix, DVector};
-use palpate_constraints::law::{Bilateral, Coulomb, Law, Signorini};
+use nalgebra::{DMatrix, DVector, Vector3};
+use palpate_constraints::law::{Bilateral, Coulomb, FacetedCoulomb, Law, Signorini, Threshold, Tresca};
 use palpate_solver::gauss_seidel::{self, GaussSeidelConfig, GaussSeidelWorkspace};
 use palpate_solver::problem::{Block, ConstraintProblem, ProblemView};
 use palpate_solver::report::SolveStatus;
@@ -14,6 +14,9 @@ fn law() -> impl Strategy<Value = Law> {
     prop_oneof![
         Just(Law::from(Signorini)),
         (0.0..0.8_f64).prop_map(|friction| Coulomb { friction }.into()),
+        (0.0..0.8_f64, 4..13_usize).prop_map(|(friction, facets)| FacetedCoulomb { friction, facets }.into()),
+        (0.0..0.5_f64).prop_map(|limit| Tresca { limit }.into()),
+        (0.0..0.5_f64).prop_map(|limit| Threshold { limit }.into()),
         (1..4_usize).prop_map(|rows| Bilateral { rows }.into()),
     ]
 }
@@ -44,6 +47,15 @@ fn admissible(blocks: &[Block], lambda: &[f64]) -> bool {
                 // Squares of numbers below 1e-154 vanish in a norm.
                 force[0] >= 0.0 && force[1].hypot(force[2]) <= law.friction * force[0] * (1.0 + 1e-12) + 1e-150
             }
+            Law::Threshold(law) => (0.0..=law.limit).contains(&lambda[block.start]),
+            Law::Tresca(law) => {
+                let force = &lambda[block.start..block.start + 3];
+                force[0] >= 0.0 && force[1].hypot(force[2]) <= law.limit * (1.0 + 1e-12) + 1e-150
+            }
+            law @ Law::FacetedCoulomb(_) => {
+                let force = Vector3::from_column_slice(&lambda[block.start..block.start + 3]);
+                (law.project(&force) - force).norm() <= 1e-12 * force.norm()
+            }
         })
 }
 
@@ -69,6 +81,8 @@ proptest! {
             let (gap, force) = (delta[block.start], lambda[block.start]);
             match block.law {
                 Law::Bilateral(_) => prop_assert!(gap.abs() <= 1e-8 * size),
+                // Gives way at its limit.
+                Law::Threshold(law) if force >= law.limit => prop_assert!(gap <= 1e-8 * size),
                 _ => prop_assert!(gap >= -1e-8 * size && (gap <= 1e-8 * size || force * 1e-4 <= 1e-8 * size)),
             }
         }

@@ -6,6 +6,7 @@ pub(crate) mod mesh;
 pub(crate) mod replay;
 pub(crate) mod run;
 pub(crate) mod scenes;
+pub(crate) mod solve;
 
 use miette::{Diagnostic, LabeledSpan, NamedSource, Report};
 use palpate::scene::{InvalidScene, SceneError};

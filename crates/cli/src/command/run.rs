@@ -15,7 +15,7 @@ use palpate::world::World;
 
 use crate::arguments::RunArguments;
 use crate::exit;
-use crate::output::{Outputs, say};
+use crate::output::{Outputs, make_folder, say};
 use crate::picture::{self, Curves};
 use crate::progress::ProgressLine;
 use crate::step_table::StepTable;
@@ -26,6 +26,9 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<u8> {
     let mut outputs = Outputs::new(arguments, scene.name());
     let untraced = outputs.check(&inputs(arguments, &scene))?;
     let world = scene.build().map_err(super::report)?;
+    if let Some(folder) = &arguments.save_problems {
+        make_folder("--save-problems", folder)?;
+    }
     for warning in world.warnings().iter().chain(&untraced) {
         eprintln!("warning: {warning}");
     }
@@ -38,6 +41,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<u8> {
         lockstep: arguments.lockstep,
         threads: arguments.threads,
         trace: outputs.trace.clone(),
+        problems: arguments.save_problems.clone(),
     };
     let mut watcher = Watcher {
         line: (!arguments.quiet).then(|| ProgressLine::new(options.length.seconds(world.dt()))),

@@ -6,7 +6,7 @@
 //!
 //! The local problem is linear: `lambda = -W_aa^-1 b`.
 
-use super::{ContactLaw, LawError, LocalCompliance, MAX_BLOCK_ROWS, is_finite};
+use super::{ConicForm, ContactLaw, LawError, Linearization, LocalCompliance, MAX_BLOCK_ROWS, is_finite};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -53,5 +53,16 @@ impl ContactLaw for Bilateral {
     #[inline]
     fn project(&self, force: &Vector3<f64>) -> Vector3<f64> {
         if is_finite(force) { *force } else { Vector3::zeros() }
+    }
+
+    fn conic_form(&self) -> ConicForm {
+        ConicForm::Free
+    }
+
+    #[inline]
+    fn linearize(&self, rho: f64, delta: &Vector3<f64>, _lambda: &Vector3<f64>) -> Linearization {
+        let mut equation = Linearization::zero();
+        (0..3).for_each(|row| equation.close(row, rho, delta));
+        equation
     }
 }

@@ -24,7 +24,7 @@
 //! bracket is replaced by a bisection, so that their number is bounded. For large `mu` and strong coupling the local
 //! problem itself has several solutions; separation is taken before stick, and stick before slip.
 
-use super::{ContactLaw, LawError, LocalCompliance, is_finite};
+use super::{ConicForm, ContactLaw, LawError, Linearization, LocalCompliance, is_finite};
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -44,6 +44,7 @@ pub struct Coulomb {
 
 impl ContactLaw for Coulomb {
     const NAME: &'static str = "coulomb";
+    const ASSOCIATED: bool = false;
 
     #[inline]
     fn rows(&self) -> usize {
@@ -110,6 +111,24 @@ impl ContactLaw for Coulomb {
     #[inline]
     fn corrected_gap(&self, delta: &Vector3<f64>) -> Vector3<f64> {
         Vector3::new(delta.x + self.friction * delta.yz().norm(), delta.y, delta.z)
+    }
+
+    fn conic_form(&self) -> ConicForm {
+        ConicForm::SecondOrder { friction: self.friction }
+    }
+
+    /// The equation of Alart and Curnier [1991], with `x = lambda - rho delta`: no force where `x_n <= 0`; else
+    /// `delta_n = 0` and `lambda_t` the projection of `x_t` onto the disc of radius `mu x_n`.
+    #[inline]
+    fn linearize(&self, rho: f64, delta: &Vector3<f64>, lambda: &Vector3<f64>) -> Linearization {
+        let mut equation = Linearization::without_force(lambda);
+        let x = lambda - delta * rho;
+        if x.x <= 0.0 || !is_finite(&x) {
+            return equation;
+        }
+        equation.close(0, rho, delta);
+        equation.disc(self.friction * x.x, self.friction, rho, delta, lambda);
+        equation
     }
 }
 

@@ -31,7 +31,7 @@ pub struct LocalCompliance {
     /// Coupling `w` of the normal row to the tangential rows, m/N.
     pub(super) nt: Vector2<f64>,
     /// Tangential block `W_tt`, m/N.
-    tt: Matrix2<f64>,
+    pub(super) tt: Matrix2<f64>,
     /// Eigenvalues of the Schur complement `S`, m/N.
     pub(super) sigma: Vector2<f64>,
     /// First column `(cos, sin)` of `V`.
@@ -181,7 +181,7 @@ fn trace_of_inverse(nn: f64, nt: &Vector2<f64>, sigma: &Vector2<f64>, axis: &Vec
 
 /// Eigenvalues of a symmetric 2x2 matrix and its first eigenvector (one Jacobi rotation).
 #[allow(non_snake_case)]
-fn eigen(S: &Matrix2<f64>) -> (Vector2<f64>, Vector2<f64>) {
+pub(super) fn eigen(S: &Matrix2<f64>) -> (Vector2<f64>, Vector2<f64>) {
     let (a, b, d) = (S[(0, 0)], S[(0, 1)], S[(1, 1)]);
     if b == 0.0 {
         return (Vector2::new(a, d), Vector2::x());

@@ -7,24 +7,35 @@
 //! ```
 //!
 //! with forces `lambda` in N (positive pushes apart), gaps `delta` in m (`>= 0` means apart) and `W_aa` in m/N.
-//! A law says which pairs (delta, lambda) it admits. It does so three times: as an exact solution of the local problem
-//! ([`ContactLaw::resolve`]), as a projection onto its admissible forces ([`ContactLaw::project`]), and as the residual
-//! that vanishes exactly on admissible pairs ([`ContactLaw::natural_map`]).
+//! A law says which pairs (delta, lambda) it admits. It does so in the forms that solvers want: as an exact solution of
+//! the local problem ([`ContactLaw::resolve`]), as a projection onto its admissible forces ([`ContactLaw::project`]), as
+//! the residual that vanishes exactly on admissible pairs ([`ContactLaw::natural_map`]), as an equation with its
+//! derivatives for Newton ([`ContactLaw::linearize`]), and as a set for conic solvers ([`ContactLaw::conic_form`]).
 //!
 //! Local vectors have three entries; rows that a block does not have are zero.
 
 mod bilateral;
+mod conic;
 mod coulomb;
+mod faceted;
+mod linearization;
 mod local;
 mod signorini;
+mod threshold;
+mod tresca;
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 pub use bilateral::Bilateral;
+pub use conic::ConicForm;
 pub use coulomb::{Coulomb, MAX_FRICTION};
+pub use faceted::{FacetedCoulomb, MAX_FACETS};
+pub use linearization::Linearization;
 pub use local::{COMPLIANCE_FLOOR, LocalCompliance, natural_stiffness};
 pub use signorini::Signorini;
+pub use threshold::Threshold;
+pub use tresca::Tresca;
 
 /// Largest number of rows that one law couples.
 pub const MAX_BLOCK_ROWS: usize = 3;
@@ -47,6 +58,9 @@ pub struct LawError {
 pub trait ContactLaw: Copy {
     /// Name in scenes, files and the command line.
     const NAME: &'static str;
+
+    /// Whether the corrected gap is the gap itself.
+    const ASSOCIATED: bool = true;
 
     /// Number of rows of a block, 1 to [`MAX_BLOCK_ROWS`].
     fn rows(&self) -> usize;
@@ -75,6 +89,14 @@ pub trait ContactLaw: Copy {
     fn corrected_gap(&self, delta: &Vector3<f64>) -> Vector3<f64> {
         *delta
     }
+
+    /// The admissible forces as a set that conic solvers can take. Together with
+    /// [`corrected_gap`](ContactLaw::corrected_gap) this is the whole law: the corrected gap lies in the normal cone of the
+    /// set at the force, with opposite sign.
+    fn conic_form(&self) -> ConicForm;
+
+    /// The law as an equation with its derivatives, for Newton. `rho > 0` in N/m turns a gap into a force.
+    fn linearize(&self, rho: f64, delta: &Vector3<f64>, lambda: &Vector3<f64>) -> Linearization;
 
     /// Residual of the law (N): `lambda - P(lambda - rho * corrected_gap(delta))`, zero exactly on admissible pairs.
     ///
@@ -154,6 +176,22 @@ macro_rules! laws {
                 match self { $(Law::$variant(law) => law.corrected_gap(delta),)+ }
             }
 
+            /// [`ContactLaw::conic_form`]
+            pub fn conic_form(&self) -> ConicForm {
+                match self { $(Law::$variant(law) => law.conic_form(),)+ }
+            }
+
+            /// Whether the corrected gap is the gap itself, so that the problem is one of convex optimisation.
+            pub fn is_associated(&self) -> bool {
+                match self { $(Law::$variant(_) => $variant::ASSOCIATED,)+ }
+            }
+
+            /// [`ContactLaw::linearize`]
+            #[inline]
+            pub fn linearize(&self, rho: f64, delta: &Vector3<f64>, lambda: &Vector3<f64>) -> Linearization {
+                match self { $(Law::$variant(law) => law.linearize(rho, delta, lambda),)+ }
+            }
+
             /// [`ContactLaw::natural_map`]
             #[inline]
             pub fn natural_map(&self, rho: f64, delta: &Vector3<f64>, lambda: &Vector3<f64>) -> Vector3<f64> {
@@ -168,6 +206,12 @@ laws! {
     Signorini,
     /// Contact with dry friction.
     Coulomb,
+    /// Contact with dry friction on a cone of flat facets.
+    FacetedCoulomb,
+    /// Contact with friction of a given strength.
+    Tresca,
+    /// A force up to a limit.
+    Threshold,
     /// Rows held closed.
     Bilateral,
 }

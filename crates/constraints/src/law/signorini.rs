@@ -6,7 +6,7 @@
 //!
 //! The local problem `delta_n = W_nn lambda_n + b_n` has the one solution `lambda_n = max(0, -b_n / W_nn)`.
 
-use super::{ContactLaw, LawError, LocalCompliance};
+use super::{ConicForm, ContactLaw, LawError, Linearization, LocalCompliance};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -41,5 +41,18 @@ impl ContactLaw for Signorini {
     fn project(&self, force: &Vector3<f64>) -> Vector3<f64> {
         let lambda_n = if force.x.is_finite() { force.x.max(0.0) } else { 0.0 };
         Vector3::new(lambda_n, 0.0, 0.0)
+    }
+
+    fn conic_form(&self) -> ConicForm {
+        ConicForm::NonNegative
+    }
+
+    #[inline]
+    fn linearize(&self, rho: f64, delta: &Vector3<f64>, lambda: &Vector3<f64>) -> Linearization {
+        let mut equation = Linearization::without_force(lambda);
+        if lambda.x - rho * delta.x > 0.0 {
+            equation.close(0, rho, delta);
+        }
+        equation
     }
 }

@@ -11,6 +11,7 @@ use palpate_haptics::coupling::CouplingConfig;
 use palpate_haptics::device::VirtualDeviceConfig;
 use palpate_haptics::limits::LimitsConfig;
 use palpate_haptics::script::ScriptKey;
+use palpate_solver::solver::SolverKind;
 use serde::{Deserialize, Serialize};
 
 /// A whole scene: one soft body, one tool, a device and the hand that holds it. SI units.
@@ -328,9 +329,12 @@ impl Default for ContactDescription {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolverDescription {
+    /// Register name of the solver at step rate: `gauss_seidel`, `semismooth_newton`, `automatic`, ... The tick always
+    /// takes warm-started Gauss-Seidel, whose work is bounded.
+    pub kind: SolverKind,
     /// Relative natural-map residual at step rate.
     pub tolerance: f64,
-    /// Largest number of Gauss-Seidel sweeps at step rate.
+    /// Largest number of sweeps, or of the solver's own iterations, at step rate.
     pub max_sweeps: u32,
     /// Relative natural-map residual of a tick.
     pub tick_tolerance: f64,
@@ -340,7 +344,7 @@ pub struct SolverDescription {
 
 impl Default for SolverDescription {
     fn default() -> Self {
-        Self { tolerance: 1e-6, max_sweeps: 2000, tick_tolerance: 1e-3, tick_sweeps: 30 }
+        Self { kind: SolverKind::GaussSeidel, tolerance: 1e-6, max_sweeps: 2000, tick_tolerance: 1e-3, tick_sweeps: 30 }
     }
 }
 

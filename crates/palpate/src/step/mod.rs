@@ -5,7 +5,7 @@
 //!                                              preconditioned by the latest factor, warped by nodal rotations
 //! delta_free = delta(q) + H h (v + dv)         gap if nothing touched (m)
 //! W = h² H A⁻¹ Hᵀ                              compliance (m/N) by half solves of the latest (warped) or this step's factor
-//! delta = W lambda + delta_free, Coulomb       block Gauss-Seidel, warm-started by contact feature
+//! delta = W lambda + delta_free, Coulomb       the scene's solver, warm-started by contact feature
 //! v+ = v + dv + h A⁻¹ Hᵀ lambda, q+ = q + h v+
 //! ```
 //!
@@ -99,7 +99,7 @@ fn contact(
     stages::rows(world, tool, state, ws, report);
     stages::compliance(world, factor, ws, report);
     report.times.compliance += clock.lap();
-    stages::solve(world, state, ws, report);
+    stages::solve(state, ws, report);
     report.times.solve += clock.lap();
     stages::correct(world, factor, state, ws, report);
     report.times.correction += clock.lap();

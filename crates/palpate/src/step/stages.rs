@@ -14,7 +14,6 @@ use palpate_fem::pcg::{PcgConfig, PcgReport, PcgStatus, pcg};
 use palpate_fem::preconditioner::WarpedPreconditioner;
 use palpate_fem::rotation::nodal_rotations;
 use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
-use palpate_solver::gauss_seidel::{self, GaussSeidelConfig};
 use palpate_solver::report::{SolveReport, SolveStatus};
 
 use super::workspace::NewtonStage;
@@ -203,21 +202,15 @@ fn correction(factor: &FactorSample, ws: &mut StepWorkspace) -> bool {
     }
 }
 
-/// Contact forces by block Gauss-Seidel from those of the last step.
-pub(super) fn solve(world: &World, state: &mut StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
+/// Contact forces by the scene's solver from those of the last step.
+pub(super) fn solve(state: &mut StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
     let m = ws.rows.len();
     let lambda = &mut ws.lambda[..m];
     lambda.fill(0.0);
     report.solve = SolveReport { status: SolveStatus::Solved, residual: 0.0, worst_gap: 0.0, ..NOT_SOLVED };
     if m > 0 && report.compliance.usable {
-        let solver = &world.description().solver;
-        let config = GaussSeidelConfig {
-            tolerance: solver.tolerance,
-            max_sweeps: solver.max_sweeps,
-            ..GaussSeidelConfig::default()
-        };
         state.warm_start.fetch(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), WARM_START_RADIUS, lambda);
-        report.solve = gauss_seidel::solve(&ws.problem.view(), lambda, &config, &mut ws.gauss_seidel);
+        report.solve = ws.solver.solve(&ws.problem.view(), lambda, &mut ws.solver_workspace);
     } else if m > 0 {
         report.solve = NOT_SOLVED;
     }

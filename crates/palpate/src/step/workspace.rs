@@ -15,8 +15,8 @@ use palpate_fem::integrator::newton::ImplicitWorkspace;
 use palpate_fem::model::{FemModel, FemState};
 use palpate_fem::nodal_rows::NodalRows;
 use palpate_fem::pcg::PcgWorkspace;
-use palpate_solver::gauss_seidel::GaussSeidelWorkspace;
 use palpate_solver::problem::ConstraintProblem;
+use palpate_solver::solver::{Solver, SolverWorkspace};
 use std::sync::Arc;
 
 use crate::world::{Integration, World};
@@ -128,7 +128,9 @@ pub struct StepWorkspace {
     pub(super) compliance: ComplianceWorkspace<ReachWorkspace>,
     pub(super) problem: ConstraintProblem,
     pub(super) lambda: Vec<f64>,
-    pub(super) gauss_seidel: GaussSeidelWorkspace,
+    /// The scene's solver at step rate, and its memory.
+    pub(super) solver: Solver,
+    pub(super) solver_workspace: SolverWorkspace,
     /// Factor of this step's own matrix, where the scene asks for exact compliance.
     pub(super) exact: Option<Factor>,
     /// Newton's method, where it integrates.
@@ -163,6 +165,8 @@ impl StepWorkspace {
         let free = model.free_nodes();
         let contacts = world.detection().max_contacts;
         let rows = ROWS * contacts;
+        let wanted = &world.description().solver;
+        let solver = wanted.kind.solver().limited(wanted.tolerance, Some(wanted.max_sweeps));
         let exact = world.description().bodies[0].compliance == ComplianceMethod::Exact;
         let (mut newton, mut explicit, mut dt) = (None, None, world.dt());
         match *world.integration() {
@@ -193,7 +197,8 @@ impl StepWorkspace {
             compliance: ComplianceWorkspace::new(rows, ReachWorkspace::new(symbolic, rows)),
             problem: ConstraintProblem::with_capacity(rows),
             lambda: vec![0.0; rows],
-            gauss_seidel: GaussSeidelWorkspace::with_capacity(rows),
+            solver,
+            solver_workspace: solver.workspace(rows),
             exact: exact.then(|| Factor::new(Arc::clone(symbolic))),
             size: world.mesh().bounding_box().diagonal(),
         }

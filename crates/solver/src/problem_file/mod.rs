@@ -5,6 +5,8 @@
 //! shortest form that reads back to the same bits. A problem that does not validate for its numbers' sake (negative
 //! diagonal, asymmetry) can be written and read, since such problems are what one wants to look at; numbers that are not
 //! finite cannot, since JSON has none.
+//!
+//! [`open`] tells the formats apart by their content. FCLIB files (HDF5) are refused with a sentence.
 
 pub mod siconos;
 
@@ -42,6 +44,9 @@ pub enum ProblemFileError {
         /// Its version.
         version: u32,
     },
+    /// The file is HDF5.
+    #[error("HDF5 files (FCLIB) are not read; convert the problem to `{FORMAT}`, which is JSON")]
+    Hdf5,
     /// A line of a text format cannot be understood.
     #[error("line {line}: expected {expected}, found {found}")]
     Text {
@@ -147,4 +152,25 @@ pub fn save(problem: &ConstraintProblem, path: &Path) -> Result<(), ProblemFileE
 pub fn load(path: &Path) -> Result<ConstraintProblem, ProblemFileError> {
     let file = std::fs::File::open(path).map_err(|source| ProblemFileError::Io { path: path.to_path_buf(), source })?;
     read(std::io::BufReader::new(file))
+}
+
+/// Reads a problem from a file of any format that is known: ours where it begins with `{`, else one of Siconos.
+///
+/// # Errors
+/// As [`read`] and [`siconos::read`], and the file.
+pub fn open(path: &Path) -> Result<ConstraintProblem, ProblemFileError> {
+    let io = |source| ProblemFileError::Io { path: path.to_path_buf(), source };
+    let bytes = std::fs::read(path).map_err(io)?;
+    if bytes.starts_with(b"\x89HDF\r\n\x1a\n") {
+        return Err(ProblemFileError::Hdf5);
+    }
+    if bytes.trim_ascii_start().first() == Some(&b'{') {
+        return read(bytes.as_slice());
+    }
+    let text = String::from_utf8(bytes).map_err(|e| {
+        let at = e.utf8_error().valid_up_to();
+        let line = e.as_bytes().iter().take(at).filter(|byte| **byte == b'\n').count() + 1;
+        ProblemFileError::Text { line, expected: "text".to_owned(), found: "bytes that are not UTF-8".to_owned() }
+    })?;
+    siconos::read(&text)
 }

@@ -15,6 +15,21 @@ use nalgebra::{DMatrix, DVector};
 use palpate_constraints::law::{Coulomb, Law, Signorini};
 use std::path::Path;
 
+/// Reads a text of either kind. Both begin with a size; in a friction-contact problem a storage code comes third and
+/// three times the number of contacts fourth, where a complementarity problem has its size twice.
+///
+/// # Errors
+/// The line that cannot be understood.
+pub fn read(text: &str) -> Result<ConstraintProblem, ProblemFileError> {
+    let head: Vec<Option<usize>> = text.split_whitespace().take(4).map(|word| word.parse().ok()).collect();
+    match head.as_slice() {
+        [Some(3), Some(contacts), Some(0 | 1), Some(rows)] if Some(*rows) == contacts.checked_mul(3) => {
+            read_friction(text)
+        }
+        _ => read_lcp(text),
+    }
+}
+
 /// Reads a friction-contact problem: a Coulomb block for each contact.
 ///
 /// # Errors

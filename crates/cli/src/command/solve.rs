@@ -1,0 +1,100 @@
+//! `palpate solve`.
+
+use std::path::Path;
+
+use miette::{IntoDiagnostic, Result, miette};
+use palpate::solver::comparison::{SolverRun, run_all};
+use palpate::solver::problem::ConstraintProblem;
+use palpate::solver::problem_file;
+use palpate::solver::solver::Solver;
+use serde_json::{Value, json};
+
+use crate::arguments::SolveArguments;
+use crate::exit;
+use crate::output::{check_writable, say};
+use crate::solver_table;
+
+/// Entries of a residual history in JSON; a run with more iterations shows its begin.
+const HISTORY: usize = 10_000;
+
+pub(crate) fn solve(arguments: &SolveArguments) -> Result<u8> {
+    if let Some(out) = &arguments.out {
+        if arguments.files.len() > 1 {
+            let help = "solve the files one at a time, each with its own --out";
+            return Err(miette!(help = help, "--out {} is for one FILE", out.display()));
+        }
+        check_writable("--out", out)?;
+    }
+    // Every file is read before any is solved: a mistake in the last must not cost the time of the others.
+    let problems = arguments.files.iter().map(|file| open(file)).collect::<Result<Vec<_>>>()?;
+    let solvers = solvers(arguments);
+    let samples = if arguments.json { HISTORY } else { 0 };
+    let (mut all_solved, mut described) = (true, Vec::new());
+    for (file, problem) in arguments.files.iter().zip(&problems) {
+        // Not one of contact, then; some solvers take it all the same.
+        if let Err(warning) = problem.validate() {
+            eprintln!("warning: {}: {warning}", file.display());
+        }
+        let runs = run_all(std::slice::from_ref(problem), &solvers, arguments.time_limit, samples);
+        all_solved &= runs.iter().any(|run| run.report.is_solved());
+        if arguments.json {
+            described.push(description(file, problem, arguments.tol, &runs));
+        } else {
+            let (blocks, rows) = (problem.blocks().len(), problem.rows());
+            say(format_args!("{}: {blocks} blocks, {rows} rows", file.display()))?;
+            say(solver_table::runs(&runs))?;
+        }
+        if let Some(out) = &arguments.out {
+            write(out, problem, &runs)?;
+        }
+    }
+    if arguments.json {
+        say(format_args!("{:#}", Value::from(described)))?;
+    }
+    Ok(if all_solved { 0 } else { exit::NOT_SOLVED })
+}
+
+/// The problem in a file, with numbers that a solver can begin with.
+fn open(file: &Path) -> Result<ConstraintProblem> {
+    // An error of the file system names the file itself.
+    let problem = problem_file::open(file).map_err(|e| match e {
+        io @ problem_file::ProblemFileError::Io { .. } => miette!("{io}"),
+        other => miette!("{}: {other}", file.display()),
+    })?;
+    problem.validate_symmetric_to(f64::INFINITY).map_err(|e| miette!("{}: {e}", file.display()))?;
+    Ok(problem)
+}
+
+fn solvers(arguments: &SolveArguments) -> Vec<Solver> {
+    let wanted = |name: &&&str| arguments.solver == "all" || arguments.solver == ***name;
+    let named = Solver::NAMES.iter().filter(wanted).filter_map(|name| Solver::from_name(name));
+    named.map(|solver| solver.limited(arguments.tol, arguments.max_iter)).collect()
+}
+
+fn description(file: &Path, problem: &ConstraintProblem, tolerance: f64, runs: &[SolverRun]) -> Value {
+    json!({
+        "file": file.display().to_string(),
+        "blocks": problem.blocks().len(),
+        "rows": problem.rows(),
+        "tolerance": tolerance,
+        "runs": runs,
+    })
+}
+
+/// Forces (N) and gaps (m) of the run with the least residual.
+fn write(out: &Path, problem: &ConstraintProblem, runs: &[SolverRun]) -> Result<()> {
+    let Some(best) = runs.iter().min_by(|a, b| a.judged.total_cmp(&b.judged)) else { return Ok(()) };
+    let mut delta = vec![0.0; problem.rows()];
+    problem.view().gap(&best.lambda, &mut delta);
+    let solution = json!({
+        "format": "palpate-contact-solution",
+        "version": 1,
+        "solver": best.solver,
+        "report": best.report,
+        "residual": best.judged,
+        "lambda": best.lambda,
+        "delta": delta,
+    });
+    let text = serde_json::to_string(&solution).into_diagnostic()?;
+    std::fs::write(out, text).map_err(|e| miette!("--out {}: cannot be written: {e}", out.display()))
+}

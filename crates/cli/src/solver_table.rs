@@ -1,0 +1,39 @@
+//! Runs of solvers on one problem as a table.
+
+use comfy_table::{Cell, CellAlignment, Table, presets};
+use palpate::solver::comparison::SolverRun;
+use palpate::solver::report::SolveStatus;
+
+/// Status, iterations, residual and time of each solver.
+pub(crate) fn runs(runs: &[SolverRun]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_FULL_CONDENSED);
+    table.set_header(["solver", "status", "iterations", "residual", "worst gap [m]", "time [ms]"]);
+    for run in runs {
+        let right = |text: String| Cell::new(text).set_alignment(CellAlignment::Right);
+        table.add_row([
+            Cell::new(run.solver),
+            Cell::new(status(run.report.status)),
+            right(run.report.iterations.to_string()),
+            right(format!("{:.1e}", run.judged)),
+            right(format!("{:.1e} (block {})", run.report.worst_gap, run.report.worst_block)),
+            right(format!("{:.3}", run.seconds * 1e3)),
+        ]);
+    }
+    table
+}
+
+/// A status in words.
+fn status(status: SolveStatus) -> &'static str {
+    match status {
+        SolveStatus::Solved => "solved",
+        SolveStatus::MaxIterations => "limit of iterations",
+        SolveStatus::Stalled => "stalled",
+        SolveStatus::TimeLimit => "limit of time",
+        SolveStatus::NoSolution => "no solution found",
+        SolveStatus::Unsupported => "not for this problem",
+        SolveStatus::NotFinite => "numbers not finite",
+        SolveStatus::Invalid => "invalid",
+        SolveStatus::CapacityExceeded => "too large",
+    }
+}

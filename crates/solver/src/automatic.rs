@@ -1,0 +1,159 @@
+//! The choice of a solver, made anew for each problem: the cheapest first, another where it stalls.
+//!
+//! 1. Block Gauss-Seidel, a few sweeps: settles warm starts and easy problems before anything is factored.
+//! 2. Semismooth Newton from there: the fastest to a tight tolerance on the compliances of soft bodies, and it takes
+//!    rank-deficient ones.
+//! 3. Lemke, for problems of moderate size: needs neither symmetry nor a definite `W`.
+//! 4. Block Gauss-Seidel with many sweeps; then the accelerated gradient.
+//! 5. Cone programs, for symmetric `W`.
+//!
+//! Each begins at the best forces so far. [`AutomaticWorkspace::attempts`] tells what was tried and how it ended. Steps 1, 2,
+//! 3 and 4 allocate nothing; step 5 does.
+
+use crate::accelerated_gradient::{AcceleratedGradientConfig, AcceleratedGradientWorkspace};
+use crate::conic_friction::ConicFrictionConfig;
+use crate::gauss_seidel::{GaussSeidelConfig, GaussSeidelWorkspace};
+use crate::lemke::{LemkeConfig, LemkeWorkspace};
+use crate::newton::{NewtonConfig, NewtonWorkspace};
+use crate::problem::ProblemView;
+use crate::report::{SolveReport, SolveStatus};
+use crate::solver::ConstraintSolver;
+use crate::watch::Watch;
+use serde::{Deserialize, Serialize};
+
+/// Rows up to which Lemke is tried: 60 frictional contacts, a second or so.
+const LEMKE_ROWS: usize = 180;
+
+/// Sweeps of the first attempt: a Newton step on 30 contacts costs about as much as ten.
+const FIRST_SWEEPS: u32 = 30;
+
+/// Number of attempts there can be.
+const ATTEMPTS: usize = 6;
+
+/// Parameters of the automatic choice.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AutomaticConfig {
+    /// Natural-map residual to reach, relative, `> 0`. Default 1e-6.
+    pub tolerance: f64,
+    /// Limit of iterations of each attempt. Default 5000.
+    pub max_iterations: u32,
+}
+
+impl Default for AutomaticConfig {
+    fn default() -> Self {
+        Self { tolerance: 1e-6, max_iterations: 5000 }
+    }
+}
+
+/// A solver that was tried, and what it answered.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Attempt {
+    /// Register name.
+    pub solver: &'static str,
+    /// Its report.
+    pub report: SolveReport,
+}
+
+/// Memory of all solvers that may be tried.
+#[derive(Clone, Debug)]
+pub struct AutomaticWorkspace {
+    sweeps: GaussSeidelWorkspace,
+    newton: NewtonWorkspace,
+    lemke: LemkeWorkspace,
+    gradient: AcceleratedGradientWorkspace,
+    best: Vec<f64>,
+    attempts: Vec<Attempt>,
+}
+
+impl AutomaticWorkspace {
+    /// What the last solve tried, in order; the last entry is not always the one whose forces were taken.
+    #[must_use]
+    pub fn attempts(&self) -> &[Attempt] {
+        &self.attempts
+    }
+}
+
+/// The best answer so far.
+struct Best<'a> {
+    report: Option<SolveReport>,
+    lambda: &'a mut Vec<f64>,
+    attempts: &'a mut Vec<Attempt>,
+}
+
+impl Best<'_> {
+    /// Takes an answer; `true` where the search is over. `lambda` becomes the best forces so far.
+    fn take(&mut self, solver: &'static str, report: SolveReport, lambda: &mut [f64]) -> bool {
+        self.attempts.push(Attempt { solver, report });
+        if self.report.is_none_or(|best| report.residual < best.residual) {
+            self.report = Some(report);
+            self.lambda.clear();
+            self.lambda.extend_from_slice(lambda);
+        } else if lambda.len() == self.lambda.len() {
+            lambda.copy_from_slice(self.lambda);
+        }
+        let over = [SolveStatus::Solved, SolveStatus::TimeLimit, SolveStatus::Invalid, SolveStatus::CapacityExceeded];
+        over.contains(&report.status)
+            && (solver == GaussSeidelConfig::NAME || report.status != SolveStatus::CapacityExceeded)
+    }
+}
+
+impl ConstraintSolver for AutomaticConfig {
+    const NAME: &'static str = "automatic";
+    type Workspace = AutomaticWorkspace;
+
+    fn workspace(&self, rows: usize) -> AutomaticWorkspace {
+        AutomaticWorkspace {
+            sweeps: GaussSeidelWorkspace::with_capacity(rows),
+            newton: NewtonConfig::default().workspace(rows),
+            lemke: LemkeConfig::default().workspace(rows.min(LEMKE_ROWS)),
+            gradient: AcceleratedGradientConfig::default().workspace(rows),
+            best: Vec::with_capacity(rows),
+            attempts: Vec::with_capacity(ATTEMPTS),
+        }
+    }
+
+    fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
+        Self { tolerance, max_iterations: max_iterations.unwrap_or(self.max_iterations) }
+    }
+
+    fn solve_watched(
+        &self,
+        view: &ProblemView<'_>,
+        lambda: &mut [f64],
+        ws: &mut AutomaticWorkspace,
+        watch: &mut Watch<'_>,
+    ) -> SolveReport {
+        ws.attempts.clear();
+        let mut best = Best { report: None, lambda: &mut ws.best, attempts: &mut ws.attempts };
+        let (tolerance, most) = (self.tolerance, self.max_iterations);
+        let rows = view.rows();
+        let first = GaussSeidelConfig::default().limited(tolerance, Some(most.min(FIRST_SWEEPS)));
+        let sweeps = GaussSeidelConfig::default().limited(tolerance, Some(most));
+        let newton = NewtonConfig::default().limited(tolerance, Some(most));
+        let lemke = LemkeConfig::default().limited(tolerance, None);
+        let gradient = AcceleratedGradientConfig::default().limited(tolerance, Some(most));
+        let cones = ConicFrictionConfig::default().limited(tolerance, None);
+        // In turn until one ends the search; nothing after that is run.
+        let _over = attempt(&first, view, lambda, &mut ws.sweeps, watch, &mut best)
+            || attempt(&newton, view, lambda, &mut ws.newton, watch, &mut best)
+            || rows <= LEMKE_ROWS && attempt(&lemke, view, lambda, &mut ws.lemke, watch, &mut best)
+            || attempt(&sweeps, view, lambda, &mut ws.sweeps, watch, &mut best)
+            || attempt(&gradient, view, lambda, &mut ws.gradient, watch, &mut best)
+            || attempt(&cones, view, lambda, &mut ws.sweeps, watch, &mut best);
+        best.report.unwrap_or_else(|| SolveReport::failed(SolveStatus::Invalid, 0))
+    }
+}
+
+/// Runs one solver from the best forces so far; `true` where the search is over.
+fn attempt<S: ConstraintSolver>(
+    solver: &S,
+    view: &ProblemView<'_>,
+    lambda: &mut [f64],
+    ws: &mut S::Workspace,
+    watch: &mut Watch<'_>,
+    best: &mut Best<'_>,
+) -> bool {
+    let report = solver.solve_watched(view, lambda, ws, watch);
+    best.take(S::NAME, report, lambda)
+}

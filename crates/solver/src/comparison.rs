@@ -1,0 +1,67 @@
+//! All solvers on a set of problems, each with its residual against time: what a chart of solvers is drawn from.
+
+use crate::problem::ConstraintProblem;
+use crate::report::SolveReport;
+use crate::residual;
+use crate::solver::Solver;
+use crate::watch::{Sample, Watch};
+use std::time::Instant;
+
+/// One solver's run on one problem.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct SolverRun {
+    /// Number of the problem in the set.
+    pub problem: usize,
+    /// Register name of the solver.
+    pub solver: &'static str,
+    /// What the solver says.
+    pub report: SolveReport,
+    /// Residual of its forces, evaluated from nothing but the problem.
+    pub judged: f64,
+    /// Wall time of the solve from zero forces, without the making of its memory, s.
+    pub seconds: f64,
+    /// Residual after each iteration, up to the number of samples asked for.
+    pub history: Vec<Sample>,
+    /// The forces, N.
+    #[serde(skip)]
+    pub lambda: Vec<f64>,
+}
+
+/// Runs each solver on each problem from zero forces, problem by problem; at most `samples` entries of history each.
+/// `time_limit` in s, for each run.
+#[must_use]
+pub fn run_all(
+    problems: &[ConstraintProblem],
+    solvers: &[Solver],
+    time_limit: Option<f64>,
+    samples: usize,
+) -> Vec<SolverRun> {
+    let runs = problems.iter().enumerate().flat_map(|(number, problem)| {
+        solvers.iter().map(move |solver| run(number, problem, solver, time_limit, samples))
+    });
+    runs.collect()
+}
+
+fn run(
+    number: usize,
+    problem: &ConstraintProblem,
+    solver: &Solver,
+    time_limit: Option<f64>,
+    samples: usize,
+) -> SolverRun {
+    let mut ws = solver.workspace(problem.rows());
+    let mut lambda = vec![0.0; problem.rows()];
+    let mut history = Vec::with_capacity(samples);
+    let mut watch = Watch::none();
+    if samples > 0 {
+        watch = watch.record(&mut history);
+    }
+    if let Some(seconds) = time_limit {
+        watch = watch.limit(seconds);
+    }
+    let start = Instant::now();
+    let report = solver.solve_watched(&problem.view(), &mut lambda, &mut ws, &mut watch);
+    let seconds = start.elapsed().as_secs_f64();
+    let judged = residual::evaluate(&problem.view(), &lambda, &mut vec![0.0; problem.rows()]).relative;
+    SolverRun { problem: number, solver: solver.name(), report, judged, seconds, history, lambda }
+}

@@ -1,0 +1,79 @@
+//! Problems without friction as one quadratic program, solved by Clarabel's interior-point method: contact, thresholds and
+//! closed rows.
+//!
+//! ```text
+//! minimise 1/2 lambda^T W lambda + delta_free^T lambda ,   lambda admissible
+//! ```
+//!
+//! The program is the problem itself, since these laws are associated; rows of `W` may be redundant. Laws with friction end
+//! as [`SolveStatus::Unsupported`]: [`crate::conic_friction`] takes them. Conflicting closed rows make the program
+//! unbounded, and end as [`SolveStatus::NoSolution`]. Clarabel starts from its own point, not from `lambda`, and allocates:
+//! a reference and a fall-back at step rate, not for the tick.
+
+use crate::conic::ConicProgram;
+use crate::gauss_seidel::GaussSeidelWorkspace;
+use crate::iteration::{self, Advance, Stop};
+use crate::problem::ProblemView;
+use crate::report::{SolveReport, SolveStatus};
+use crate::solver::ConstraintSolver;
+use crate::watch::Watch;
+use palpate_constraints::law::ConicForm;
+use serde::{Deserialize, Serialize};
+
+/// Parameters of the quadratic program.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ConicQpConfig {
+    /// Natural-map residual that counts as solved, relative, `> 0`; Clarabel itself always goes as far as it can. Default
+    /// 1e-6.
+    pub tolerance: f64,
+}
+
+impl Default for ConicQpConfig {
+    fn default() -> Self {
+        Self { tolerance: 1e-6 }
+    }
+}
+
+impl ConstraintSolver for ConicQpConfig {
+    const NAME: &'static str = "conic_qp";
+    type Workspace = GaussSeidelWorkspace;
+
+    fn workspace(&self, rows: usize) -> GaussSeidelWorkspace {
+        GaussSeidelWorkspace::with_capacity(rows)
+    }
+
+    /// There is one program: the limit of iterations says whether it is solved at all.
+    fn limited(self, tolerance: f64, _max_iterations: Option<u32>) -> Self {
+        Self { tolerance }
+    }
+
+    fn solve_watched(
+        &self,
+        view: &ProblemView<'_>,
+        lambda: &mut [f64],
+        ws: &mut GaussSeidelWorkspace,
+        watch: &mut Watch<'_>,
+    ) -> SolveReport {
+        let stop = Stop { tolerance: self.tolerance, max_iterations: 1, stall: 1 };
+        let deadline = watch.deadline();
+        let report = iteration::run(view, lambda, stop, ws, watch, |lambda, ws, _| {
+            let linear = |form| matches!(form, ConicForm::Free | ConicForm::NonNegative | ConicForm::Interval { .. });
+            if !view.blocks.iter().all(|block| linear(block.law.conic_form())) {
+                return Advance::Ended(SolveStatus::Unsupported);
+            }
+            let solved = ConicProgram::new(view, &ws.local, deadline)
+                .and_then(|mut program| program.solve(view, &ws.local, &ws.delta, lambda));
+            match solved {
+                Ok(()) => view.gap(lambda, &mut ws.delta),
+                Err(status) => return Advance::Ended(status),
+            }
+            Advance::Formed
+        });
+        match report.status {
+            // One program is all there is.
+            SolveStatus::MaxIterations => SolveReport { status: SolveStatus::Stalled, ..report },
+            _ => report,
+        }
+    }
+}

@@ -1,0 +1,277 @@
+//! Lemke's method with lexicographic ratio test [Lemke 1965; Cottle, Pang and Stone 1992, algorithms 4.4.5 and 4.9.3] on the
+//! linear complementarity problem of faceted cones.
+//!
+//! ```text
+//! w = M z + q + e z_0 ,   one complementary pair outside the basis at a time, until z_0 leaves it
+//! ```
+//!
+//! It needs no symmetric `W`. Degenerate ratios (redundant rows, equal contacts) are told apart by the rows of the inverse
+//! basis, so that it cannot cycle. Where it ends on a ray, a positive semidefinite problem has no solution; an indefinite
+//! one may.
+//!
+//! Friction on the exact cone is reached by turning the polygons: after each solution the first corner of a contact's
+//! polygon is laid along its friction (against the slip where it slides) and the problem is solved anew. At the fixed
+//! point the corner carries the force, and the polygon no longer shows. [`FacetedCoulomb`](palpate_constraints::law::FacetedCoulomb)
+//! is solved as it is.
+//!
+//! One pivot costs `O(n^2)`, with `n` = 10 per frictional contact at 8 facets: a reference and a fall-back, for tens of
+//! contacts.
+
+use crate::complementarity::Complementarity;
+use crate::gauss_seidel::GaussSeidelWorkspace;
+use crate::iteration::{self, Advance, Stop};
+use crate::problem::{ProblemView, gather, scatter};
+use crate::report::{SolveReport, SolveStatus};
+use crate::solver::ConstraintSolver;
+use crate::watch::Watch;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
+use std::time::Instant;
+
+/// Largest number of variables; the tableau then takes 0.27 GB.
+pub const MAX_VARIABLES: usize = 4096;
+
+/// Entries of a column below this part of its largest are no pivots: they are rounding of numbers of order one.
+const PIVOT_FLOOR: f64 = 1e-11;
+
+/// Ratios that differ by less, relative to numbers of order one, are taken as equal and told apart by the next column.
+const TIE: f64 = 1e-13;
+
+/// Slip below this part of the largest gap is sticking.
+const SLIP_FLOOR: f64 = 1e-10;
+
+/// Parameters of Lemke's method.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LemkeConfig {
+    /// Natural-map residual to reach, relative, `> 0`. Default 1e-6.
+    pub tolerance: f64,
+    /// Limit of solutions with turned polygons. Default 100.
+    pub max_iterations: u32,
+    /// Corners of the friction polygon where the law leaves them open, 3 or more. Default 8.
+    pub facets: usize,
+    /// Limit of pivots of one solution, for each variable: 20 are far more than a sound problem takes. Default 20.
+    pub pivots_per_variable: usize,
+}
+
+impl Default for LemkeConfig {
+    fn default() -> Self {
+        Self { tolerance: 1e-6, max_iterations: 100, facets: 8, pivots_per_variable: 20 }
+    }
+}
+
+/// Memory of Lemke's method: a tableau of `2 n (n + 1)` numbers for up to `n` variables.
+#[derive(Clone, Debug)]
+pub struct LemkeWorkspace {
+    pub(crate) sweeps: GaussSeidelWorkspace,
+    problem: Complementarity,
+    tableau: Tableau,
+    /// Direction of the first corner of each block's polygon, rad.
+    heading: Vec<f64>,
+}
+
+impl ConstraintSolver for LemkeConfig {
+    const NAME: &'static str = "lemke";
+    type Workspace = LemkeWorkspace;
+
+    fn workspace(&self, rows: usize) -> LemkeWorkspace {
+        // Six more for the room that laying out a block asks for.
+        let variables = rows.saturating_mul(self.facets.max(4) + 2).div_ceil(3).min(MAX_VARIABLES) + 6;
+        LemkeWorkspace {
+            sweeps: GaussSeidelWorkspace::with_capacity(rows),
+            problem: Complementarity::with_capacity(variables, rows),
+            tableau: Tableau::with_capacity(variables),
+            heading: Vec::with_capacity(rows),
+        }
+    }
+
+    fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
+        Self { tolerance, max_iterations: max_iterations.unwrap_or(self.max_iterations), ..self }
+    }
+
+    fn solve_watched(
+        &self,
+        view: &ProblemView<'_>,
+        lambda: &mut [f64],
+        ws: &mut LemkeWorkspace,
+        watch: &mut Watch<'_>,
+    ) -> SolveReport {
+        let stop = Stop { tolerance: self.tolerance, max_iterations: self.max_iterations, stall: 10 };
+        let LemkeWorkspace { sweeps, problem, tableau, heading } = ws;
+        heading.clear();
+        heading.resize(view.blocks.len().min(sweeps.capacity()), 0.0);
+        let deadline = watch.deadline();
+        let mut first = true;
+        iteration::run(view, lambda, stop, sweeps, watch, |lambda, sweeps, _| {
+            // The start is as good as its forces: its friction tells where the polygons should point.
+            let turned = turn(view, lambda, &sweeps.delta, PI / self.facets.max(3) as f64, heading);
+            if !first && !turned {
+                return Advance::Ended(SolveStatus::Stalled);
+            }
+            first = false;
+            if !problem.lay_out(view, self.facets.max(3), heading) || !tableau.reset(problem.len()) {
+                return Advance::Ended(SolveStatus::CapacityExceeded);
+            }
+            problem.fill(view, &sweeps.local, &mut tableau.numbers);
+            let most = self.pivots_per_variable.saturating_mul(problem.len()).max(100);
+            if let Err(status) = tableau.solve(most, deadline) {
+                return Advance::Ended(status);
+            }
+            lambda.fill(0.0);
+            tableau.values(|j, z| problem.add_force(view, &sweeps.local, j, z, lambda));
+            for block in view.blocks {
+                scatter(&block.law.project(&gather(lambda, block)), block, lambda);
+            }
+            view.gap(lambda, &mut sweeps.delta);
+            Advance::Formed
+        })
+    }
+}
+
+/// Lays the first corner of each polygon along the friction; whether a heading has changed.
+fn turn(view: &ProblemView<'_>, lambda: &[f64], delta: &[f64], sector: f64, heading: &mut [f64]) -> bool {
+    let largest = view.delta_free.iter().fold(0.0_f64, |largest, gap| largest.max(gap.abs()));
+    let mut turned = false;
+    for (block, heading) in view.blocks.iter().zip(heading) {
+        let (force, slip) = (gather(lambda, block).yz(), -gather(delta, block).yz());
+        let along = if slip.norm() > SLIP_FLOOR * largest { slip } else { force };
+        if along.norm() > 0.0 {
+            // Half of the way, by the shorter side: the whole way flips between two headings where friction is strong.
+            let way = (along.y.atan2(along.x) - *heading + PI).rem_euclid(TAU) - PI;
+            turned |= way != 0.0;
+            *heading += if way.abs() > sector { way } else { 0.5 * way };
+        }
+    }
+    turned
+}
+
+/// The tableau `[I, -M, -e, q]` of `2 n + 2` columns in row order, and which variable each row's basis holds:
+/// `w_j` is `j`, `z_j` is `n + j`, `z_0` is `2 n`.
+#[derive(Clone, Debug)]
+struct Tableau {
+    numbers: Vec<f64>,
+    basis: Vec<usize>,
+    pivot_row: Vec<f64>,
+    n: usize,
+    capacity: usize,
+}
+
+impl Tableau {
+    fn with_capacity(n: usize) -> Self {
+        Self {
+            numbers: Vec::with_capacity(n * (2 * n + 2)),
+            basis: Vec::with_capacity(n),
+            pivot_row: Vec::with_capacity(2 * n + 2),
+            n: 0,
+            capacity: n,
+        }
+    }
+
+    fn reset(&mut self, n: usize) -> bool {
+        if n > self.capacity {
+            return false;
+        }
+        self.n = n;
+        self.numbers.clear();
+        self.numbers.resize(n * (2 * n + 2), 0.0);
+        self.pivot_row.clear();
+        self.pivot_row.resize(2 * n + 2, 0.0);
+        self.basis.clear();
+        self.basis.extend(0..n);
+        true
+    }
+
+    fn width(&self) -> usize {
+        2 * self.n + 2
+    }
+
+    fn at(&self, row: usize, column: usize) -> f64 {
+        self.numbers[row * self.width() + column]
+    }
+
+    /// Pivots until `z_0` has left the basis.
+    fn solve(&mut self, most: usize, deadline: Option<Instant>) -> Result<(), SolveStatus> {
+        let (n, last) = (self.n, self.width() - 1);
+        if (0..n).all(|row| self.at(row, last) >= 0.0) {
+            return Ok(());
+        }
+        if self.numbers.iter().any(|x| !x.is_finite()) {
+            return Err(SolveStatus::NotFinite);
+        }
+        // The lexicographically least row of [q, I] leaves for z_0: of equal ones the last.
+        let mut row = (0..n).fold(0, |least, row| if self.at(row, last) <= self.at(least, last) { row } else { least });
+        let mut entering = 2 * n;
+        for pivot in 0..most {
+            let leaving = self.basis[row];
+            self.pivot(row, entering);
+            if leaving == 2 * n {
+                return Ok(());
+            }
+            entering = if leaving < n { leaving + n } else { leaving - n };
+            row = self.ratio_test(entering).ok_or(SolveStatus::NoSolution)?;
+            if pivot % 16 == 0 && deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+                return Err(SolveStatus::TimeLimit);
+            }
+        }
+        Err(SolveStatus::MaxIterations)
+    }
+
+    /// The row that leaves for a column: lexicographically least `[q, B^-1] / entry`; `z_0` where it is among the least.
+    /// None on a ray.
+    fn ratio_test(&self, entering: usize) -> Option<usize> {
+        let (n, last) = (self.n, self.width() - 1);
+        let largest = (0..n).fold(0.0_f64, |largest, row| largest.max(self.at(row, entering).abs()));
+        let floor = PIVOT_FLOOR * largest.max(1.0);
+        let ratio = |row: usize, column: usize| self.at(row, column) / self.at(row, entering);
+        let eligible = |row: &usize| self.at(*row, entering) > floor;
+        let least = (0..n).filter(eligible).map(|row| ratio(row, last)).fold(f64::INFINITY, f64::min);
+        let ties = |row: &usize| ratio(*row, last) <= least + TIE * (1.0 + least.abs());
+        let mut best: Option<usize> = None;
+        for row in (0..n).filter(eligible).filter(ties) {
+            if self.basis[row] == 2 * n {
+                return Some(row);
+            }
+            let less = |other: usize| {
+                let differs = |c: &usize| (ratio(row, *c) - ratio(other, *c)).abs() > TIE;
+                (0..n).find(differs).is_some_and(|c| ratio(row, c) < ratio(other, c))
+            };
+            if best.is_none_or(less) {
+                best = Some(row);
+            }
+        }
+        best
+    }
+
+    /// Gauss-Jordan elimination of a column.
+    fn pivot(&mut self, row: usize, entering: usize) {
+        let width = self.width();
+        let inverse = 1.0 / self.at(row, entering);
+        let start = row * width;
+        for (kept, x) in self.pivot_row.iter_mut().zip(&mut self.numbers[start..start + width]) {
+            *x *= inverse;
+            *kept = *x;
+        }
+        for (i, other) in self.numbers.chunks_exact_mut(width).enumerate() {
+            let factor = other[entering];
+            if i == row || factor == 0.0 {
+                continue;
+            }
+            for (x, p) in other.iter_mut().zip(&self.pivot_row) {
+                *x -= factor * p;
+            }
+            other[entering] = 0.0;
+        }
+        self.basis[row] = entering;
+    }
+
+    /// Calls with number and value of each positive `z_j`.
+    fn values(&self, mut of: impl FnMut(usize, f64)) {
+        let (n, last) = (self.n, self.width() - 1);
+        for (row, &variable) in self.basis.iter().enumerate() {
+            let value = self.at(row, last);
+            if (n..2 * n).contains(&variable) && value > 0.0 {
+                of(variable - n, value);
+            }
+        }
+    }
+}
