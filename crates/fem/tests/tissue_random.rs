@@ -6,7 +6,7 @@ mod tissue_setup;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use palpate_fem::{
-    element::{ElementMatrices, unit},
+    element::{ElementMatrices, UNIT},
     material::{Law, Material, Ogden, VerondaWestmann},
 };
 use tissue_setup::{Random, all_materials};
@@ -30,7 +30,7 @@ fn laws() -> Vec<Material> {
 /// Answer to `F` as the unit tetrahedron gives it: stress, and the tangent along `D`.
 fn answer(material: &Material, F: &Matrix3<f64>, D: &Matrix3<f64>) -> (Matrix3<f64>, Matrix3<f64>) {
     let mut out = ElementMatrices::ZERO;
-    material.element(&unit([0, 1, 2, 3]), F, false, &mut out);
+    material.element(&UNIT, F, false, &mut out);
     let [k11, k12, k13, k22, k23, k33] = out.blocks;
     let rows = [[k11, k12, k13], [k12.transpose(), k22, k23], [k13.transpose(), k23.transpose(), k33]];
     let along = rows.map(|row| row[0] * D.column(0) + row[1] * D.column(1) + row[2] * D.column(2));
@@ -129,7 +129,7 @@ fn every_finite_deformation_has_a_finite_answer() {
                 let F = random_matrix(&mut random, size) * if k < 20 { Matrix3::identity() } else { flat };
                 for filter in [false, true] {
                     let mut out = ElementMatrices::ZERO;
-                    material.element(&unit([0, 1, 2, 3]), &F, filter, &mut out);
+                    material.element(&UNIT, &F, filter, &mut out);
                     let finite = out.forces.iter().chain(out.blocks.iter().flatten()).all(|x| x.is_finite());
                     assert!(finite && material.energy_density(&F).is_finite(), "{} {F}", material.name());
                 }
@@ -137,7 +137,7 @@ fn every_finite_deformation_has_a_finite_answer() {
         }
         // What is not a number is not hidden.
         let mut out = ElementMatrices::ZERO;
-        material.element(&unit([0, 1, 2, 3]), &Matrix3::from_element(f64::NAN), false, &mut out);
+        material.element(&UNIT, &Matrix3::from_element(f64::NAN), false, &mut out);
         assert!(out.forces.iter().any(|x| !x.is_finite()), "{}", material.name());
     }
 }
