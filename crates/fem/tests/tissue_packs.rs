@@ -43,17 +43,15 @@ fn elements(count: usize, F: impl Fn(usize) -> Matrix3<f64>) -> (Vec<Tetrahedron
     for e in 0..count {
         let first = 4 * e as u32;
         rest.extend(corners.map(|x| x + random.vector() * 0.004));
-        // One of the twelve even permutations, which keep the volume positive: two cycles of three nodes.
+        // All orders of the nodes in turn; of an odd one two nodes change places, so that the volume is positive.
         let mut nodes = [0, 1, 2, 3].map(|a| first + a);
-        nodes[e % 4..].rotate_left(if e % 4 < 2 { 0 } else { 2 * (e % 2) });
-        nodes[1..].rotate_left(e % 3);
-        nodes[..3].rotate_left(e / 3 % 3);
-        if let Some(element) = Tetrahedron::new(nodes, &rest) {
-            elements.push(element);
-        } else {
-            nodes.swap(0, 1);
-            elements.push(Tetrahedron::new(nodes, &rest).expect("one of two orders has positive volume"));
-        }
+        nodes.rotate_left(e % 4);
+        nodes[1..].rotate_left(e / 4 % 3);
+        let element = Tetrahedron::new(nodes, &rest).or_else(|| {
+            nodes.swap(2, 3);
+            Tetrahedron::new(nodes, &rest)
+        });
+        elements.push(element.expect("one of two orders has positive volume"));
         q.extend(rest[4 * e..].iter().map(|x| F(e) * x + Vector3::new(0.1, -0.2, 0.3)));
     }
     (elements, q)
