@@ -1,14 +1,21 @@
-//! Forces and system matrix of the liver: elements a second by law, size, threads and definiteness filter.
+//! Forces and system matrix of the liver: elements a second by law, size, threads and definiteness filter; and for every
+//! registered law a table of nanoseconds per element, in packs against one element at a time in the same run.
 //!
 //! The body is bent, so that the filter has work in about half of the elements.
 
+#![allow(clippy::print_stdout)] // the table is the result
+
+use std::hint::black_box;
+
 use criterion::{BenchmarkId, Criterion, Throughput};
 use palpate::fem::assembly::{FemWorkspace, assemble};
-use palpate::fem::material::Material;
+use palpate::fem::element::ElementMatrices;
+use palpate::fem::material::{BATCH, Law, Material};
+use palpate::fem::pack::{PACK, PackMatrices};
 use palpate::world::World;
 
 mod organ;
-use organ::{CELLS, SMALL, benches, bent, liver, liver_of, nodes};
+use organ::{CELLS, SMALL, benches, bent, liver, liver_of, measuring, nodes, paired_medians, pool};
 
 /// Young's modulus (Pa) and Poisson's ratio of the bundled scene's parenchyma.
 const TISSUE: [f64; 2] = [6e3, 0.45];
@@ -30,7 +37,62 @@ fn measure(c: &mut Criterion, case: String, world: &World) {
     group.finish();
 }
 
+/// Elements that packs compute together, as the assembly does.
+const PACKS: usize = BATCH / PACK;
+
+/// Median times (ns per element): forces and tangents one element at a time and in packs, and the whole assembly.
+fn kernels(law: &Material, world: &World, filter: bool) -> [f64; 3] {
+    let (model, state) = (world.model(), bent(world.model()));
+    let mut ws = FemWorkspace::new(model);
+    ws.filter = filter;
+    let mut matrices = ElementMatrices::ZERO;
+    let mut results = vec![PackMatrices::ZERO; PACKS];
+    let repetitions = if measuring() { 101 } else { 1 };
+    let [plain, packs] = paired_medians(
+        repetitions,
+        || {
+            for element in model.elements() {
+                law.element(element, &element.edges(&state.q), filter, &mut matrices);
+                black_box(&matrices);
+            }
+        },
+        || {
+            for packs in model.packs().chunks(PACKS) {
+                black_box(law.packed(packs, &state.q, filter, &mut results[..packs.len()]));
+                black_box(&results);
+            }
+        },
+    );
+    let [assembly, _] =
+        paired_medians(repetitions, || drop(black_box(assemble(model, &state, world.dt(), &[], &mut ws))), || ());
+    [plain, packs, assembly].map(|seconds| seconds * 1e9 / model.elements().len() as f64)
+}
+
+/// Prints the table of [`kernels`] for every registered law, on one thread.
+fn print_kernels() {
+    println!(
+        "\nns per element, one thread, {} elements; medians",
+        liver_of(SMALL, law(LAWS[0])).mesh().tetrahedra.len()
+    );
+    println!("| law | filter | one at a time | in packs | ratio | sums and rows | assembly |");
+    println!("| --- | --- | ---: | ---: | ---: | ---: | ---: |");
+    for name in Material::NAMES {
+        let law = law(name);
+        let world = liver_of(SMALL, law);
+        for filter in [false, true] {
+            let [plain, packs, assembly] = pool(1).install(|| kernels(&law, &world, filter));
+            let (state, ratio) = (if filter { "on" } else { "off" }, plain / packs);
+            let sums = assembly - packs;
+            println!("| {name} | {state} | {plain:.0} | {packs:.0} | {ratio:.1} | {sums:.0} | {assembly:.0} |");
+        }
+    }
+}
+
 fn main() {
+    print_kernels();
+    if std::env::args().any(|argument| argument == "table") {
+        return;
+    }
     for cell in CELLS {
         for name in LAWS {
             let world = liver_of(cell, law(name));

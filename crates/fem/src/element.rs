@@ -36,6 +36,12 @@ impl Tetrahedron {
         (element.volume > 0.0 && element.inverse_rest_edges.iter().all(|x| x.is_finite())).then_some(element)
     }
 
+    /// Shape vectors `D_0` to `D_3` (1/m): gradients of the shape functions of the four nodes.
+    pub fn shape_vectors(&self) -> [Vector3<f64>; 4] {
+        let [a, b, c] = [0, 1, 2].map(|i| self.inverse_rest_edges.row(i).transpose());
+        [-(a + b + c), a, b, c]
+    }
+
     /// Edges `[q1-q0, q2-q0, q3-q0]` as columns (m).
     #[inline]
     pub fn edges(&self, q: &[Vector3<f64>]) -> Matrix3<f64> {

@@ -6,9 +6,9 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
-use crate::element::Tetrahedron;
+use crate::element::{ElementMatrices, Tetrahedron, UPPER};
 
 /// Elements in a pack: the widest vectors hold eight numbers.
 pub const PACK: usize = 8;
@@ -75,6 +75,18 @@ impl Pack {
         Some(pack)
     }
 
+    /// An element with its nodes ascending. Where that turns the orientation, its edges have a negative determinant.
+    ///
+    /// # Panics
+    /// If `lane` is not below [`PACK`].
+    pub fn element(&self, lane: usize) -> Tetrahedron {
+        Tetrahedron {
+            nodes: self.nodes[lane],
+            inverse_rest_edges: Matrix3::from_fn(|i, c| self.shape[i][c][lane]),
+            volume: self.volume[lane],
+        }
+    }
+
     /// Deformed edges from the first node to the others (m): `edges[i][c]` is component `c` of `e_(i+1)`.
     #[inline]
     pub fn edges(&self, q: &[Vector3<f64>]) -> [[Row; 3]; 3] {
@@ -119,6 +131,49 @@ impl PackMatrices {
         filtered: [0.0; PACK],
         checksum: [0.0; PACK],
     };
+
+    /// The forces and blocks of an element, over its nodes in ascending order.
+    ///
+    /// # Panics
+    /// If `lane` is not below [`PACK`].
+    pub fn element(&self, lane: usize) -> ElementMatrices {
+        let diagonal = |a: usize| {
+            let [x, xy, xz, y, yz, z] = self.diagonal[a].map(|row| row[lane]);
+            Matrix3::new(x, xy, xz, xy, y, yz, xz, yz, z)
+        };
+        let other = |k: usize| Matrix3::from_fn(|r, c| self.off_diagonal[k][3 * c + r][lane]);
+        ElementMatrices {
+            forces: Matrix3::from_fn(|c, i| self.forces[i + 1][c][lane]),
+            blocks: [diagonal(1), other(3), other(4), diagonal(2), other(5), diagonal(3)],
+        }
+    }
+
+    /// Replaces the forces and blocks of an element; the inverse of [`PackMatrices::element`] up to rounding at node 0.
+    ///
+    /// # Panics
+    /// If `lane` is not below [`PACK`].
+    pub fn set_element(&mut self, lane: usize, matrices: &ElementMatrices) {
+        for a in 0..4 {
+            let force = matrices.force(a);
+            for c in 0..3 {
+                self.forces[a][c][lane] = force[c];
+            }
+        }
+        let (mut others, mut diagonals) = (self.off_diagonal.iter_mut(), self.diagonal.iter_mut());
+        for (k, &(a, b)) in UPPER.iter().enumerate() {
+            let block = matrices.upper(k);
+            if a == b {
+                let triangle = [(0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2)];
+                for (row, at) in diagonals.next().into_iter().flatten().zip(triangle) {
+                    row[lane] = block[at];
+                }
+            } else {
+                for (row, x) in others.next().into_iter().flatten().zip(&block) {
+                    row[lane] = *x;
+                }
+            }
+        }
+    }
 }
 
 /// Nodes `(a, b)` of the off-diagonal blocks, in storage order.

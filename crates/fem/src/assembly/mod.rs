@@ -12,14 +12,15 @@
 
 #![allow(non_snake_case)]
 
+mod packed;
 mod scatter;
 mod sum;
 mod viscous;
 
 use nalgebra::{Matrix3, Vector3};
 
-pub(crate) use self::scatter::ScatterLists;
 pub use self::viscous::advance_memory;
+pub(crate) use self::{packed::PackLists, scatter::ScatterLists};
 use self::{scatter::slots, sum::sum_elements, viscous::StepTissue};
 use crate::{
     averaging::AveragingWorkspace,
@@ -29,6 +30,7 @@ use crate::{
     },
     material::{BatchReport, Law},
     model::{Batch, FemModel, FemState},
+    pack::{PACK, PackMatrices},
     sparse::SystemMatrix,
 };
 
@@ -51,8 +53,10 @@ pub struct FemWorkspace {
     pub filter: bool,
     /// Upper blocks of `K`.
     upper: Vec<Matrix3<f64>>,
-    /// Element results: one batch on one thread, all batches on several. Of quadratic bodies in the second list.
+    /// Element results: one batch on one thread, all batches on several. By kind of
+    /// element: averaged, linear, quadratic.
     results: Vec<ElementMatrices>,
+    pack_results: Vec<PackMatrices>,
     quadratic_results: Vec<QuadraticMatrices>,
     averaging: AveragingWorkspace,
     /// Slot of each element in `results`; empty on one thread.
@@ -60,13 +64,13 @@ pub struct FemWorkspace {
 }
 
 impl FemWorkspace {
-    /// Memory for a body. If rayon has several threads here, memory for parallel assembly is included (504 bytes an
-    /// element, 4200 a quadratic one); a workspace made where it has one assembles on one thread everywhere.
+    /// Memory for a body. If rayon has several threads here, memory for parallel assembly is included (744 bytes a
+    /// linear element, 504 an averaged, 4200 a quadratic one); a workspace made where it has one assembles on one thread everywhere.
     pub fn new(model: &FemModel) -> Self {
         let parallel = rayon::current_num_threads() > 1;
         let size = model.batch_size();
         let results = if parallel { size * model.batches().len() } else { size };
-        let quadratic = model.element_kind() == ElementKind::Quadratic;
+        let of_kind = |kind, count| if model.element_kind() == kind { count } else { 0 };
         Self {
             system: SystemMatrix::zeros(model.pattern().clone()),
             rhs: vec![0.0; 3 * model.free_nodes()],
@@ -74,8 +78,9 @@ impl FemWorkspace {
             dt: f64::INFINITY,
             filter: model.filter(),
             upper: vec![Matrix3::zeros(); model.scatter().upper_blocks()],
-            results: vec![ElementMatrices::ZERO; if quadratic { 0 } else { results }],
-            quadratic_results: vec![QuadraticMatrices::ZERO; if quadratic { results } else { 0 }],
+            results: vec![ElementMatrices::ZERO; of_kind(ElementKind::Averaged, results)],
+            pack_results: vec![PackMatrices::ZERO; of_kind(ElementKind::Linear, results.div_ceil(PACK))],
+            quadratic_results: vec![QuadraticMatrices::ZERO; of_kind(ElementKind::Quadratic, results)],
             averaging: model.averaging().map(|groups| groups.workspace()).unwrap_or_default(),
             slot: if parallel { slots(model.batches(), size) } else { Vec::new() },
         }

@@ -167,7 +167,7 @@ fn number_upper_blocks(pattern: &BlockPattern) -> (Vec<u32>, usize) {
 }
 
 /// Counting sort of `(key, value)` into ranges by key; values keep their order.
-fn group(items: impl Iterator<Item = (usize, u32)> + Clone, keys: usize) -> (Vec<u32>, Vec<u32>) {
+pub(super) fn group(items: impl Iterator<Item = (usize, u32)> + Clone, keys: usize) -> (Vec<u32>, Vec<u32>) {
     let mut start = vec![0u32; keys + 1];
     for (key, _) in items.clone() {
         start[key + 1] += 1;

@@ -31,9 +31,14 @@ pub(super) fn sum_elements(model: &FemModel, state: &FemState, dt: f64, ws: &mut
         f_int: &mut ws.f_int,
     };
     let report = match model.element_kind() {
-        ElementKind::Linear => sums.fill(&mut ws.results, |batch, results: &mut [ElementMatrices]| {
-            StepTissue::new(batch, state, dt).batch(batch.of(model.elements()), q, filter, results)
-        }),
+        ElementKind::Linear => model.pack_lists().fill(
+            model.packs(),
+            model.batches(),
+            &mut ws.pack_results,
+            parallel,
+            (&mut ws.upper, &mut ws.f_int),
+            |batch, packs, results| StepTissue::new(batch, state, dt).packed(packs, q, filter, results),
+        ),
         ElementKind::Quadratic => sums.fill(&mut ws.quadratic_results, |batch, results: &mut [QuadraticMatrices]| {
             let tissue = StepTissue::new(batch, state, dt);
             let answer = |k: usize, p: usize, F: &Matrix3<f64>, out: &mut ElementMatrices| {

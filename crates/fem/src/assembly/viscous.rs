@@ -11,6 +11,7 @@ use crate::{
         viscosity::{Relaxation, add_memory},
     },
     model::{Batch, FemModel, FemState},
+    pack::{Pack, PackMatrices},
 };
 
 /// A batch's tissue over one step. Points are counted from the batch's first: elements, or their points of quadrature.
@@ -40,22 +41,30 @@ impl<'a> StepTissue<'a> {
         (terms > 0).then(|| self.relaxation.memory(history))
     }
 
-    /// [`Law::batch`] for the linear elements of the batch.
-    pub(super) fn batch(
+    /// [`Law::packed`] for the linear elements of the batch.
+    pub(super) fn packed(
         &self,
-        elements: &[Tetrahedron],
+        packs: &[Pack],
         q: &[Vector3<f64>],
         filter: bool,
-        out: &mut [ElementMatrices],
+        out: &mut [PackMatrices],
     ) -> BatchReport {
+        let mut report = self.law.packed(packs, q, filter, out);
         if self.relaxation.terms.is_empty() {
-            return self.law.batch(elements, q, filter, out);
+            return report;
         }
-        let mut report = BatchReport::default();
-        for (k, (element, out)) in elements.iter().zip(out).enumerate() {
-            let edges = element.edges(q);
-            let filtered = self.element(k, element, &edges, filter, out);
-            report.note(k as u32, edges.determinant() / (6.0 * element.volume), filtered, out.is_finite());
+        let mut point = 0;
+        for (pack, out) in packs.iter().zip(out) {
+            for lane in 0..pack.len {
+                let (element, mut matrices) = (pack.element(lane), out.element(lane));
+                let acted = self.add_memory(point, &element, &element.edges(q), filter, &mut matrices);
+                report.filtered += u32::from(acted && out.filtered[lane] == 0.0);
+                if report.non_finite.is_none() && !matrices.is_finite() {
+                    report.non_finite = Some(point as u32);
+                }
+                out.set_element(lane, &matrices);
+                point += 1;
+            }
         }
         report
     }

@@ -4,6 +4,7 @@
 //! elements as the processor's vectors hold. The instruction set is found at run time ([`pulp::Arch`]). Lanes never
 //! meet, and a product is never fused with a sum, so an element gets the same bits on every width of vector.
 
+pub mod elementary;
 mod real;
 mod svd;
 mod vector;

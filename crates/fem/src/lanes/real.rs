@@ -4,6 +4,8 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use pulp::Simd;
 
+use super::elementary;
+
 /// A real number, or one in each lane. Comparisons with NaN are false.
 pub trait Real:
     Copy
@@ -52,22 +54,23 @@ pub trait Real:
         self.or_where_not(self.above(other), other)
     }
 
-    /// Natural logarithm.
+    /// Natural logarithm of a positive normal number ([`elementary::ln`]).
     #[inline(always)]
     fn ln(self) -> Self {
-        self.map(f64::ln)
+        elementary::ln(self)
     }
 
-    /// Exponential function.
+    /// Exponential function ([`elementary::exp`]).
     #[inline(always)]
     fn exp(self) -> Self {
-        self.map(f64::exp)
+        elementary::exp(self)
     }
 
-    /// Power with a constant exponent.
+    /// Power of a positive normal number with a constant exponent; the error is `|exponent ln self|` units in the last
+    /// place.
     #[inline(always)]
     fn powf(self, exponent: f64) -> Self {
-        self.map(|x| x.powf(exponent))
+        (self.ln() * exponent).exp()
     }
 }
 
@@ -110,16 +113,18 @@ impl Real for f64 {
     }
 }
 
-/// One number for each lane of the instruction set `S`.
+/// One number for each lane of `N` vectors of the instruction set `S`.
+///
+/// With `N = 2` two chains of dependent operations overlap, which a chain of roots and quotients gains from.
 #[derive(Clone, Copy, Debug)]
-pub struct Lanes<S: Simd> {
+pub struct Lanes<S: Simd, const N: usize = 1> {
     simd: S,
-    value: S::f64s,
+    value: [S::f64s; N],
 }
 
-impl<S: Simd> Lanes<S> {
+impl<S: Simd, const N: usize> Lanes<S, N> {
     /// Number of lanes; a power of two of at most eight.
-    pub const COUNT: usize = S::F64_LANES;
+    pub const COUNT: usize = N * S::F64_LANES;
 
     /// The lanes from `COUNT part` on of a row of eight elements.
     ///
@@ -127,7 +132,12 @@ impl<S: Simd> Lanes<S> {
     /// Where `part >= 8 / COUNT`.
     #[inline(always)]
     pub fn load(simd: S, row: &[f64; 8], part: usize) -> Self {
-        Self { simd, value: S::as_simd_f64s(row).0[part] }
+        let row = S::as_simd_f64s(row).0;
+        let mut value = [row[N * part]; N];
+        for k in 1..N {
+            value[k] = row[N * part + k];
+        }
+        Self { simd, value }
     }
 
     /// Writes the lanes to their place in a row of eight elements; the inverse of [`Lanes::load`].
@@ -136,23 +146,29 @@ impl<S: Simd> Lanes<S> {
     /// Where `part >= 8 / COUNT`.
     #[inline(always)]
     pub fn store(self, row: &mut [f64; 8], part: usize) {
-        S::as_mut_simd_f64s(row).0[part] = self.value;
+        let row = S::as_mut_simd_f64s(row).0;
+        for k in 0..N {
+            row[N * part + k] = self.value[k];
+        }
     }
 }
 
 /// Implements an operator between two vectors of lanes, and between one and a constant.
 macro_rules! operator {
     ($Trait:ident, $method:ident, $simd:ident) => {
-        impl<S: Simd> $Trait for Lanes<S> {
+        impl<S: Simd, const N: usize> $Trait for Lanes<S, N> {
             type Output = Self;
 
             #[inline(always)]
-            fn $method(self, other: Self) -> Self {
-                Self { value: self.simd.$simd(self.value, other.value), ..self }
+            fn $method(mut self, other: Self) -> Self {
+                for k in 0..N {
+                    self.value[k] = self.simd.$simd(self.value[k], other.value[k]);
+                }
+                self
             }
         }
 
-        impl<S: Simd> $Trait<f64> for Lanes<S> {
+        impl<S: Simd, const N: usize> $Trait<f64> for Lanes<S, N> {
             type Output = Self;
 
             #[inline(always)]
@@ -168,53 +184,73 @@ operator!(Sub, sub, sub_f64s);
 operator!(Mul, mul, mul_f64s);
 operator!(Div, div, div_f64s);
 
-impl<S: Simd> Neg for Lanes<S> {
+impl<S: Simd, const N: usize> Neg for Lanes<S, N> {
     type Output = Self;
 
     #[inline(always)]
-    fn neg(self) -> Self {
-        Self { value: self.simd.neg_f64s(self.value), ..self }
+    fn neg(mut self) -> Self {
+        for k in 0..N {
+            self.value[k] = self.simd.neg_f64s(self.value[k]);
+        }
+        self
     }
 }
 
-impl<S: Simd> Real for Lanes<S> {
-    type Mask = S::m64s;
+impl<S: Simd, const N: usize> Real for Lanes<S, N> {
+    type Mask = [S::m64s; N];
 
     #[inline(always)]
     fn constant(self, value: f64) -> Self {
-        Self { value: self.simd.splat_f64s(value), ..self }
+        Self { value: [self.simd.splat_f64s(value); N], ..self }
     }
 
     #[inline(always)]
-    fn sqrt(self) -> Self {
-        Self { value: self.simd.sqrt_f64s(self.value), ..self }
+    fn sqrt(mut self) -> Self {
+        for k in 0..N {
+            self.value[k] = self.simd.sqrt_f64s(self.value[k]);
+        }
+        self
     }
 
     #[inline(always)]
-    fn abs(self) -> Self {
-        Self { value: self.simd.abs_f64s(self.value), ..self }
+    fn abs(mut self) -> Self {
+        for k in 0..N {
+            self.value[k] = self.simd.abs_f64s(self.value[k]);
+        }
+        self
     }
 
     #[inline(always)]
     fn map(mut self, f: impl Fn(f64) -> f64) -> Self {
-        for x in pulp::bytemuck::cast_slice_mut::<_, f64>(std::slice::from_mut(&mut self.value)) {
+        for x in pulp::bytemuck::cast_slice_mut::<_, f64>(&mut self.value) {
             *x = f(*x);
         }
         self
     }
 
     #[inline(always)]
-    fn above(self, other: Self) -> S::m64s {
-        self.simd.greater_than_f64s(self.value, other.value)
+    fn above(self, other: Self) -> [S::m64s; N] {
+        let mut mask = [self.simd.greater_than_f64s(self.value[0], other.value[0]); N];
+        for k in 1..N {
+            mask[k] = self.simd.greater_than_f64s(self.value[k], other.value[k]);
+        }
+        mask
     }
 
     #[inline(always)]
-    fn or_where_not(self, mask: S::m64s, other: Self) -> Self {
-        Self { value: self.simd.select_f64s(mask, self.value, other.value), ..self }
+    fn or_where_not(mut self, mask: [S::m64s; N], other: Self) -> Self {
+        for k in 0..N {
+            self.value[k] = self.simd.select_f64s(mask[k], self.value[k], other.value[k]);
+        }
+        self
     }
 
     #[inline(always)]
-    fn any(self, mask: S::m64s) -> bool {
-        self.simd.first_true_m64s(mask) < S::F64_LANES
+    fn any(self, mask: [S::m64s; N]) -> bool {
+        let mut any = false;
+        for k in 0..N {
+            any |= self.simd.first_true_m64s(mask[k]) < S::F64_LANES;
+        }
+        any
     }
 }

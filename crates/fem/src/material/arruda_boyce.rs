@@ -12,15 +12,15 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use super::{
     Bulk, Lame, MaterialError,
-    hyperelastic::{Hyperelastic, Response, StrainFactor},
+    hyperelastic::{Hyperelastic, Isotropic, Response, StrainFactor},
     lame::{validate_positive, validate_young_poisson},
     volume::{guarded, logarithmic, power_of},
 };
+use crate::lanes::Real;
 
 /// Links in a chain where none are given: the value of the liver model [Marchesseau 2010].
 pub const DEFAULT_LINKS: f64 = 8.0;
@@ -120,33 +120,32 @@ impl Hyperelastic for ArrudaBoyce {
         Some((Self { bulk: 0.0, ..*self }, Bulk::Logarithmic { modulus: self.bulk }))
     }
 
-    #[inline]
-    fn response(&self, C: &Matrix3<f64>, J: f64) -> Response {
-        let I1 = C.trace();
+    #[inline(always)]
+    fn response<T: Real>(&self, I1: T, _: T, J: T) -> Response<T> {
+        let (zero, one) = (J.constant(0.0), J.constant(1.0));
         let j = guarded(J);
-        let root = j.value.cbrt().recip();
+        let root = j.value.powf(-1.0 / 3.0);
         let factor = root * root;
-        let mut response = Response::default();
+        let mut response = Response::volume(&logarithmic(0.0, self.bulk, J));
         // J^(-2p/3), c_p = m w_p N^(1-p), I1^(p-2) and 3^p, raised by one power in each turn; I1 >= 0 may vanish.
-        let (mut power, mut c, mut rest) = (1.0, self.modulus, 1.0);
-        let (mut lower, mut low) = (0.0, 1.0);
-        for (k, weight) in SERIES.into_iter().enumerate() {
+        let (mut power, mut c, mut rest) = (one, self.modulus, 1.0);
+        let (mut lower, mut low) = (zero, one);
+        for k in 0..SERIES.len() {
             let p = (k + 1) as f64;
-            power *= factor;
+            power = power * factor;
             rest *= 3.0;
-            let c_p = c * weight;
+            let c_p = c * SERIES[k];
             let g = StrainFactor {
-                value: c_p * low * I1,
-                S: Matrix3::from_diagonal_element(2.0 * c_p * p * low),
-                alpha: 2.0 * c_p * p * (p - 1.0) * lower,
-                beta: 0.0,
+                value: low * I1 * c_p,
+                S: Isotropic { identity: low * (2.0 * c_p * p), strain: zero },
+                alpha: lower * (2.0 * c_p * p * (p - 1.0)),
+                beta: zero,
             };
-            response.add(&power_of(&j, -2.0 / 3.0 * p, power), &g);
-            response.energy -= c_p * rest;
+            response = response.with(&power_of(&j, -2.0 / 3.0 * p, power), &g);
+            response.energy = response.energy - c_p * rest;
             (lower, low) = (low, low * I1);
             c /= self.links;
         }
-        response.add_volume(&logarithmic(0.0, self.bulk, J));
         response
     }
 }

@@ -3,13 +3,12 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Matrix3;
-
 use super::{
     Lame, MaterialError,
     hyperelastic::{Hyperelastic, Response, VolumeFactor},
     volume::logarithmic,
 };
+use crate::lanes::Real;
 
 /// Energy `U(J)` (J/m³) of a volume ratio `J`, zero at `J = 1`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,7 +27,7 @@ pub enum Bulk {
 
 impl Bulk {
     /// `U, U', U''` at any `J`.
-    pub fn at(&self, J: f64) -> VolumeFactor {
+    pub fn at(&self, J: f64) -> VolumeFactor<f64> {
         match *self {
             Self::Logarithmic { modulus } => logarithmic(0.0, modulus, J),
             Self::Quadratic { modulus } => {
@@ -62,10 +61,10 @@ impl<L: Hyperelastic> Hyperelastic for UnderPressure<L> {
         Self { law: self.law.relaxed(share), pressure: self.pressure }
     }
 
-    #[inline]
-    fn response(&self, C: &Matrix3<f64>, J: f64) -> Response {
-        let mut response = self.law.response(C, J);
-        response.add_volume(&VolumeFactor { value: self.pressure * J, first: self.pressure, second: 0.0 });
-        response
+    #[inline(always)]
+    fn response<T: Real>(&self, I1: T, I2: T, J: T) -> Response<T> {
+        let pressure =
+            VolumeFactor { value: J * self.pressure, first: J.constant(self.pressure), second: J.constant(0.0) };
+        self.law.response(I1, I2, J).with_volume(&pressure)
     }
 }

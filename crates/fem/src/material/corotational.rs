@@ -17,17 +17,20 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Lame, Law, MaterialError,
+    BatchReport, Lame, Law, MaterialError,
+    kernel::{PrincipalLaw, principal::PrincipalResponse, principal_batch},
     lame::{ElasticParameters, validate_young_poisson},
     principal::PrincipalTangent,
 };
 use crate::{
     element::{ElementMatrices, Tetrahedron},
-    rotation::{SignedSvd, polar_rotation, signed_svd},
+    lanes::{Real, Vec3},
+    pack::{Pack, PackMatrices},
+    rotation::{polar_rotation, signed_svd},
 };
 
 /// Smallest sum of two singular values in the derivative of the rotation.
@@ -65,19 +68,24 @@ impl Corotational {
         let difference = F - R;
         difference * (2.0 * mu) + R * (lambda * R.dot(&difference))
     }
+}
 
-    fn tangent(&self, svd: SignedSvd) -> PrincipalTangent {
+impl PrincipalLaw for Corotational {
+    #[inline(always)]
+    fn principal<T: Real>(&self, s: &Vec3<T>) -> PrincipalResponse<T> {
         let Lame { mu, lambda } = self.small_strain();
-        let s = svd.sigma;
-        let twist = 2.0 * lambda * (s.sum() - 3.0) - 4.0 * mu;
-        let mut tangent = PrincipalTangent::new(svd);
-        tangent.scaling = Matrix3::from_diagonal_element(2.0 * mu).add_scalar(lambda);
+        let stretch = [s[0] - 1.0, s[1] - 1.0, s[2] - 1.0];
+        let trace = stretch[0] + stretch[1] + stretch[2];
+        let (mut stress, mut twist) = (*s, *s);
         for a in 0..3 {
+            stress[a] = stretch[a] * (2.0 * mu) + trace * lambda;
             let sum = s[(a + 1) % 3] + s[(a + 2) % 3];
-            tangent.flip[a] = 2.0 * mu;
-            tangent.twist[a] = 2.0 * mu + twist / sum.max(RIDGE);
+            twist[a] = (trace * (2.0 * lambda) - 4.0 * mu) / sum.larger(sum.constant(RIDGE)) + 2.0 * mu;
         }
-        tangent
+        let at = |value: f64| s[0].constant(value);
+        let (diagonal, other) = (at(2.0 * mu + lambda), at(lambda));
+        let scaling = [diagonal, other, other, diagonal, other, diagonal];
+        PrincipalResponse { stress, scaling, flip: [at(2.0 * mu); 3], twist }
     }
 }
 
@@ -113,9 +121,13 @@ impl Law for Corotational {
         let svd = signed_svd(&F);
         // NaN in F passes through the difference F - R into the forces and is reported.
         out.forces = element.forces(&self.stress(&F, &(svd.U * svd.V.transpose())));
-        let mut tangent = self.tangent(svd);
+        let mut tangent = PrincipalTangent::new(svd, &self.principal(svd.sigma.as_ref()));
         let acted = filter && tangent.filter();
         tangent.blocks(element, &mut out.blocks);
         acted
+    }
+
+    fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
+        principal_batch(self, packs, q, filter, out)
     }
 }

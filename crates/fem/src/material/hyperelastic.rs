@@ -14,106 +14,150 @@
 //!           + F S' D_i dJ_jᵀ + dJ_i (F S' D_j)ᵀ }                    mixed
 //! ∂²J/∂q_i∂q_j = -[F (D_i x D_j)]x  =  -[e_k]x / 6 V0                 (e_k: the deformed edge that is left, with sign)
 //! ```
-//! Departure from the paper: `∂S/∂C` is given at each strain by the two scalars `α, β` rather than by tensors stored per
-//! element, which serves laws in `I1, I2, J` that are linear in `I2` (all of the paper's isotropic ones but Ogden's, the
-//! exponential one included) and keeps the elements small.
+//! Departure from the paper: every `S` is a sum `a I + c C` and `∂S/∂C` is given by the two scalars `α, β`, rather than by
+//! tensors stored per element, which serves laws in `I1, I2, J` that are linear in `I2` (all of the paper's isotropic ones
+//! but Ogden's, the exponential one included). So a law is a handful of scalars at each strain, is written once over
+//! [`Real`], and serves one element or several at once.
 
 #![allow(non_snake_case)]
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Bulk, Lame, Law, MaterialError, bulk::UnderPressure, principal::PrincipalTangent};
+use super::{
+    BatchReport, Bulk, Lame, Law, MaterialError,
+    bulk::UnderPressure,
+    kernel::{PrincipalLaw, principal::PrincipalResponse, principal_batch, six_pieces_batch},
+    principal::PrincipalTangent,
+};
 use crate::{
     element::{ElementMatrices, Tetrahedron},
+    lanes::{Real, Vec3, norm_squared},
+    pack::{Pack, PackMatrices},
     rotation::{cofactor, signed_svd},
 };
 
 /// A factor `f(J)` with its derivatives by `J`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct VolumeFactor {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VolumeFactor<T> {
     /// `f`.
-    pub value: f64,
+    pub value: T,
     /// `f'`.
-    pub first: f64,
+    pub first: T,
     /// `f''`.
-    pub second: f64,
+    pub second: T,
 }
 
-impl VolumeFactor {
-    /// `f = 1`.
-    pub const ONE: Self = Self { value: 1.0, first: 0.0, second: 0.0 };
+/// A symmetric tensor `identity I + strain C`: the form of `2 ∂g/∂C` for every `g` of `I1` and `I2`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Isotropic<T> {
+    /// Coefficient of the identity.
+    pub identity: T,
+    /// Coefficient of `C`.
+    pub strain: T,
 }
 
-/// A factor `g(C)` with its derivatives.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StrainFactor {
+impl Isotropic<f64> {
+    /// The tensor at `C`.
+    #[inline]
+    pub fn at(&self, C: &Matrix3<f64>) -> Matrix3<f64> {
+        let mut tensor = C * self.strain;
+        for c in 0..3 {
+            tensor[(c, c)] += self.identity;
+        }
+        tensor
+    }
+}
+
+/// A factor `g(I1, I2)` with its derivatives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StrainFactor<T> {
     /// `g`.
-    pub value: f64,
-    /// `S = 2 ∂g/∂C`, symmetric.
-    pub S: Matrix3<f64>,
+    pub value: T,
+    /// `S = 2 ∂g/∂C`.
+    pub S: Isotropic<T>,
     /// Coefficient of `dS = alpha tr(dC) I + beta dC`.
-    pub alpha: f64,
+    pub alpha: T,
     /// Coefficient of `dS = alpha tr(dC) I + beta dC`.
-    pub beta: f64,
+    pub beta: T,
 }
 
 /// The sums over the terms of a law at one strain.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Response {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Response<T> {
     /// `Ψ = Σ f g` (J/m³).
-    pub energy: f64,
+    pub energy: T,
     /// `S = Σ f S^k` (Pa).
-    pub S: Matrix3<f64>,
+    pub S: Isotropic<T>,
     /// `S' = Σ f' S^k` (Pa).
-    pub S_prime: Matrix3<f64>,
+    pub S_prime: Isotropic<T>,
     /// `s1 = Σ f' g` (Pa).
-    pub s1: f64,
+    pub s1: T,
     /// `s2 = Σ f'' g` (Pa).
-    pub s2: f64,
+    pub s2: T,
     /// `Σ f α` (Pa).
-    pub alpha: f64,
+    pub alpha: T,
     /// `Σ f β` (Pa).
-    pub beta: f64,
+    pub beta: T,
 }
 
-impl Response {
-    /// Adds the term `f(J) g(C)`.
-    #[inline]
-    pub fn add(&mut self, f: &VolumeFactor, g: &StrainFactor) {
-        self.energy += f.value * g.value;
-        self.S += g.S * f.value;
-        self.S_prime += g.S * f.first;
-        self.s1 += f.first * g.value;
-        self.s2 += f.second * g.value;
-        self.alpha += f.value * g.alpha;
-        self.beta += f.value * g.beta;
+impl<T: Real> Response<T> {
+    /// The term `f(J)`.
+    #[inline(always)]
+    pub fn volume(f: &VolumeFactor<T>) -> Self {
+        let zero = f.value.constant(0.0);
+        let none = Isotropic { identity: zero, strain: zero };
+        Self { energy: f.value, S: none, S_prime: none, s1: f.first, s2: f.second, alpha: zero, beta: zero }
     }
 
-    /// Adds the term `φ(X)` of `X = f(J) I1 + const`, with `I1 = trace`; `phi` holds `φ, φ', φ''` by `X`.
+    /// Adds the term `f(J) g(I1, I2)`.
+    #[inline(always)]
+    pub fn with(self, f: &VolumeFactor<T>, g: &StrainFactor<T>) -> Self {
+        let add = |S: Isotropic<T>, factor: T| Isotropic {
+            identity: S.identity + g.S.identity * factor,
+            strain: S.strain + g.S.strain * factor,
+        };
+        Self {
+            energy: self.energy + f.value * g.value,
+            S: add(self.S, f.value),
+            S_prime: add(self.S_prime, f.first),
+            s1: self.s1 + f.first * g.value,
+            s2: self.s2 + f.second * g.value,
+            alpha: self.alpha + f.value * g.alpha,
+            beta: self.beta + f.value * g.beta,
+        }
+    }
+
+    /// Adds the term `g(I1, I2)`, whose `f` is 1.
+    #[inline(always)]
+    pub fn with_strain(self, g: &StrainFactor<T>) -> Self {
+        let S = Isotropic { identity: self.S.identity + g.S.identity, strain: self.S.strain + g.S.strain };
+        Self { energy: self.energy + g.value, S, alpha: self.alpha + g.alpha, beta: self.beta + g.beta, ..self }
+    }
+
+    /// Adds the term `φ(X)` of `X = f(J) I1 + const`; `phi` holds `φ, φ', φ''` by `X`.
     ///
     /// Exponentials of an invariant do not split into `f(J) g(C)`; since `∂²I1/∂C² = 0`, what `φ''` adds to `∂S/∂C` is
     /// `2 φ'' f² tr(dC) I`, of the form that `alpha` covers.
-    #[inline]
-    pub fn add_composed(&mut self, phi: &VolumeFactor, f: &VolumeFactor, trace: f64) {
-        let (X1, X2) = (f.first * trace, f.second * trace);
-        self.energy += phi.value;
-        let S = 2.0 * phi.first * f.value;
-        let S_prime = 2.0 * (phi.first * f.first + phi.second * X1 * f.value);
-        for c in 0..3 {
-            self.S[(c, c)] += S;
-            self.S_prime[(c, c)] += S_prime;
+    #[inline(always)]
+    pub fn with_composed(self, phi: &VolumeFactor<T>, f: &VolumeFactor<T>, I1: T) -> Self {
+        let (X1, X2) = (f.first * I1, f.second * I1);
+        let S = phi.first * f.value * 2.0;
+        let S_prime = (phi.first * f.first + phi.second * X1 * f.value) * 2.0;
+        Self {
+            energy: self.energy + phi.value,
+            S: Isotropic { identity: self.S.identity + S, ..self.S },
+            S_prime: Isotropic { identity: self.S_prime.identity + S_prime, ..self.S_prime },
+            s1: self.s1 + phi.first * X1,
+            s2: self.s2 + phi.second * X1 * X1 + phi.first * X2,
+            alpha: self.alpha + phi.second * f.value * f.value * 2.0,
+            beta: self.beta,
         }
-        self.s1 += phi.first * X1;
-        self.s2 += phi.second * X1 * X1 + phi.first * X2;
-        self.alpha += 2.0 * phi.second * f.value * f.value;
     }
 
     /// Adds the term `f(J)`.
-    #[inline]
-    pub fn add_volume(&mut self, f: &VolumeFactor) {
-        self.energy += f.value;
-        self.s1 += f.first;
-        self.s2 += f.second;
+    #[inline(always)]
+    pub fn with_volume(self, f: &VolumeFactor<T>) -> Self {
+        Self { energy: self.energy + f.value, s1: self.s1 + f.first, s2: self.s2 + f.second, ..self }
     }
 }
 
@@ -138,8 +182,18 @@ pub trait Hyperelastic: Copy + Send + Sync {
         None
     }
 
-    /// The sums over the terms at `C = FᵀF` and `J = det F`, which is any real number.
-    fn response(&self, C: &Matrix3<f64>, J: f64) -> Response;
+    /// The sums over the terms at `I1 = tr C`, `I2 = (I1² - tr C²) / 2` with `C = FᵀF`, and `J = det F`, which is any real
+    /// number. Implementations are `#[inline(always)]`, so that they become part of kernels of every vector width.
+    fn response<T: Real>(&self, I1: T, I2: T, J: T) -> Response<T>;
+}
+
+/// The sums over the terms at `F`, and the tensor `S` at `C`.
+#[inline]
+fn response_at<L: Hyperelastic>(law: &L, F: &Matrix3<f64>, cof: &Matrix3<f64>) -> (Response<f64>, Matrix3<f64>) {
+    let C = F.transpose() * F;
+    // The sum of the principal minors of C is the squared norm of the cofactors of F.
+    let r = law.response(C.trace(), cof.norm_squared(), F.determinant());
+    (r, r.S.at(&C))
 }
 
 impl<L: Hyperelastic> Law for L {
@@ -172,21 +226,22 @@ impl<L: Hyperelastic> Law for L {
     }
 
     fn energy_density(&self, F: &Matrix3<f64>) -> f64 {
-        self.response(&(F.transpose() * F), F.determinant()).energy
+        response_at(self, F, &cofactor(F)).0.energy
     }
 
     #[inline]
     fn first_piola(&self, F: &Matrix3<f64>) -> Matrix3<f64> {
-        let r = self.response(&(F.transpose() * F), F.determinant());
-        F * r.S + cofactor(F) * r.s1
+        let cof = cofactor(F);
+        let (r, S) = response_at(self, F, &cof);
+        F * S + cof * r.s1
     }
 
     #[inline]
     fn element(&self, element: &Tetrahedron, edges: &Matrix3<f64>, filter: bool, out: &mut ElementMatrices) -> bool {
         let F = edges * element.inverse_rest_edges;
         let cof = cofactor(&F);
-        let r = self.response(&(F.transpose() * F), F.determinant());
-        out.forces = element.forces(&(F * r.S + cof * r.s1));
+        let (r, S) = response_at(self, &F, &cof);
+        out.forces = element.forces(&(F * S + cof * r.s1));
         if filter {
             let mut tangent = principal_tangent(self, &F);
             if tangent.filter() {
@@ -197,6 +252,10 @@ impl<L: Hyperelastic> Law for L {
         six_pieces::<L>(element, edges, &F, &cof, &r, &mut out.blocks);
         false
     }
+
+    fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
+        if filter { principal_batch(self, packs, q, true, out) } else { six_pieces_batch(self, packs, q, out) }
+    }
 }
 
 /// The exact tangent, piece by piece as in the module's documentation.
@@ -206,18 +265,19 @@ fn six_pieces<L: Hyperelastic>(
     edges: &Matrix3<f64>,
     F: &Matrix3<f64>,
     cof: &Matrix3<f64>,
-    r: &Response,
+    r: &Response<f64>,
     blocks: &mut [Matrix3<f64>; 6],
 ) {
     let V0 = element.volume;
     // Columns are D_1, D_2, D_3; dJ_1, dJ_2, dJ_3; F D_1, ...
     let D = element.inverse_rest_edges.transpose();
     let dJ = cof * D;
-    let geometric = D.transpose() * (r.S * D) * V0;
+    let C = F.transpose() * F;
+    let geometric = D.transpose() * (r.S.at(&C) * D) * V0;
     let FD = F * D;
     let DD = D.transpose() * D;
     let FF = F * F.transpose();
-    let mixed = F * (r.S_prime * D);
+    let mixed = F * (r.S_prime.at(&C) * D);
     let mut k = 0;
     for i in 0..3 {
         for j in i..3 {
@@ -259,26 +319,41 @@ fn subtract_skew(block: &mut Matrix3<f64>, w: &Vector3<f64>) {
 /// The tangent `∂P/∂F` in the principal frame of `F`, where it falls into small blocks for every isotropic law.
 fn principal_tangent<L: Hyperelastic>(law: &L, F: &Matrix3<f64>) -> PrincipalTangent {
     let svd = signed_svd(F);
-    let s = svd.sigma;
-    let r = law.response(&Matrix3::from_diagonal(&s.component_mul(&s)), s.x * s.y * s.z);
-    let dJ = Vector3::new(s.y * s.z, s.z * s.x, s.x * s.y);
-    let mut tangent = PrincipalTangent::new(svd);
-    for a in 0..3 {
-        let (b, c) = ((a + 1) % 3, (a + 2) % 3);
-        for e in 0..3 {
-            tangent.scaling[(a, e)] = r.s2 * dJ[a] * dJ[e]
-                + 2.0 * r.alpha * s[a] * s[e]
-                + s[a] * r.S_prime[(a, a)] * dJ[e]
-                + dJ[a] * s[e] * r.S_prime[(e, e)];
+    PrincipalTangent::new(svd, &law.principal(svd.sigma.as_ref()))
+}
+
+impl<L: Hyperelastic> PrincipalLaw for L {
+    #[inline(always)]
+    fn principal<T: Real>(&self, s: &Vec3<T>) -> PrincipalResponse<T> {
+        let square = [s[0] * s[0], s[1] * s[1], s[2] * s[2]];
+        let dJ = [s[1] * s[2], s[2] * s[0], s[0] * s[1]];
+        let r = self.response(square[0] + square[1] + square[2], norm_squared(&dJ), s[0] * dJ[0]);
+        let at = |S: &Isotropic<T>, a: usize| S.identity + S.strain * square[a];
+        let S = [at(&r.S, 0), at(&r.S, 1), at(&r.S, 2)];
+        let mixed = [s[0] * at(&r.S_prime, 0), s[1] * at(&r.S_prime, 1), s[2] * at(&r.S_prime, 2)];
+        let (mut stress, mut flip, mut twist) = (*s, *s, *s);
+        let mut scaling = [r.s1; 6];
+        let mut k = 0;
+        for a in 0..3 {
+            stress[a] = s[a] * S[a] + r.s1 * dJ[a];
+            for e in a..3 {
+                let mut entry = r.s2 * dJ[a] * dJ[e];
+                if L::CURVED {
+                    entry = entry + (r.alpha + r.alpha) * s[a] * s[e];
+                }
+                if L::MIXED {
+                    entry = entry + mixed[a] * dJ[e] + dJ[a] * mixed[e];
+                }
+                scaling[k] = entry + if a == e { S[a] + (r.beta + r.beta) * square[a] } else { r.s1 * s[3 - a - e] };
+                k += 1;
+            }
+            // Pair (b, c): an isotropic law has S_b + β σ_c² = S_c + β σ_b²; the mean halves the rounding.
+            let (b, c) = ((a + 1) % 3, (a + 2) % 3);
+            let shear = (S[b] + S[c] + r.beta * (square[b] + square[c])) * 0.5;
+            let coupling = r.beta * s[b] * s[c] - r.s1 * s[a];
+            flip[a] = shear + coupling;
+            twist[a] = shear - coupling;
         }
-        tangent.scaling[(a, a)] += r.S[(a, a)] + 2.0 * r.beta * s[a] * s[a];
-        tangent.scaling[(a, b)] += r.s1 * s[c];
-        tangent.scaling[(a, c)] += r.s1 * s[b];
-        // Pair (b, c): an isotropic law has S_b + β σ_c² = S_c + β σ_b²; the mean halves the rounding.
-        let shear = 0.5 * (r.S[(b, b)] + r.S[(c, c)] + r.beta * (s[b] * s[b] + s[c] * s[c]));
-        let coupling = r.beta * s[b] * s[c] - r.s1 * s[a];
-        tangent.flip[a] = shear + coupling;
-        tangent.twist[a] = shear - coupling;
+        PrincipalResponse { stress, scaling, flip, twist }
     }
-    tangent
 }

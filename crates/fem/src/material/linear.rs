@@ -10,14 +10,18 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Lame, Law, MaterialError,
+    BatchReport, Lame, Law, MaterialError,
+    kernel::small_strain_batch,
     lame::{ElasticParameters, validate_young_poisson},
 };
-use crate::element::{ElementMatrices, Tetrahedron};
+use crate::{
+    element::{ElementMatrices, Tetrahedron},
+    pack::{Pack, PackMatrices},
+};
 
 /// Linear material. In files either `young` and `poisson`, or `mu` and `lambda`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -100,6 +104,10 @@ impl Law for Linear {
         }
         // Positive semidefinite by its parameters' range.
         false
+    }
+
+    fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], _filter: bool, out: &mut [PackMatrices]) -> BatchReport {
+        small_strain_batch(self.small_strain(), packs, q, out)
     }
 }
 

@@ -12,6 +12,7 @@ pub mod arruda_boyce;
 pub mod bulk;
 pub mod corotational;
 pub mod hyperelastic;
+pub mod kernel;
 mod lame;
 pub mod linear;
 pub mod mooney_rivlin;
@@ -41,7 +42,10 @@ pub use self::{
     veronda_westmann::VerondaWestmann,
     viscosity::PronyTerm,
 };
-use crate::element::{ElementMatrices, Tetrahedron};
+use crate::{
+    element::{ElementMatrices, Tetrahedron},
+    pack::{Pack, PackMatrices},
+};
 
 /// Elements of one law that are computed together; results of a batch stay in the first-level cache.
 pub const BATCH: usize = 32;
@@ -108,6 +112,9 @@ pub trait Law: Copy + Send + Sync {
         }
         report
     }
+
+    /// [`Law::element`] for packs of elements, several at once. `out` is as long as `packs`; the report counts elements.
+    fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport;
 }
 
 /// What happened in a batch of elements, or in a whole body; elements are counted from the first of the batch or body.
@@ -261,6 +268,16 @@ macro_rules! materials {
                 out: &mut [ElementMatrices],
             ) -> BatchReport {
                 match self { $(Self::$variant(law) => law.batch(elements, q, filter, out)),+ }
+            }
+
+            fn packed(
+                &self,
+                packs: &[Pack],
+                q: &[Vector3<f64>],
+                filter: bool,
+                out: &mut [PackMatrices],
+            ) -> BatchReport {
+                match self { $(Self::$variant(law) => law.packed(packs, q, filter, out)),+ }
             }
         }
 

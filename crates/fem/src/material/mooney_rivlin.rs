@@ -11,15 +11,15 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use super::{
     Bulk, Lame, MaterialError,
-    hyperelastic::{Hyperelastic, Response, StrainFactor},
+    hyperelastic::{Hyperelastic, Isotropic, Response, StrainFactor, VolumeFactor},
     lame::{validate_positive, validate_young_poisson},
     volume::{guarded, logarithmic, power_of},
 };
+use crate::lanes::Real;
 
 /// Mooney-Rivlin material. In files either `c1`, `c2` and `bulk`, or `young` and `poisson`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -99,34 +99,33 @@ impl Hyperelastic for MooneyRivlin {
         Some((Self { bulk: 0.0, ..*self }, Bulk::Logarithmic { modulus: self.bulk }))
     }
 
-    #[inline]
-    fn response(&self, C: &Matrix3<f64>, J: f64) -> Response {
-        let I1 = C.trace();
+    #[inline(always)]
+    fn response<T: Real>(&self, I1: T, I2: T, J: T) -> Response<T> {
+        let zero = J.constant(0.0);
         let first = StrainFactor {
-            value: self.c1 * I1,
-            S: Matrix3::from_diagonal_element(2.0 * self.c1),
-            ..StrainFactor::default()
+            value: I1 * self.c1,
+            S: Isotropic { identity: J.constant(2.0 * self.c1), strain: zero },
+            alpha: zero,
+            beta: zero,
         };
-        let second = second_invariant(C, I1, self.c2);
         let j = guarded(J);
-        let root = j.value.cbrt().recip();
+        let root = j.value.powf(-1.0 / 3.0);
         let root2 = root * root;
-        let mut response = Response::default();
-        response.add(&power_of(&j, -2.0 / 3.0, root2), &first);
-        response.add(&power_of(&j, -4.0 / 3.0, root2 * root2), &second);
-        response.add_volume(&logarithmic(0.0, self.bulk, J));
-        response.energy -= 3.0 * (self.c1 + self.c2);
-        response
+        let bulk = logarithmic(0.0, self.bulk, J);
+        let rest = VolumeFactor { value: bulk.value - 3.0 * (self.c1 + self.c2), ..bulk };
+        Response::volume(&rest)
+            .with(&power_of(&j, -2.0 / 3.0, root2), &first)
+            .with(&power_of(&j, -4.0 / 3.0, root2 * root2), &second_invariant(I1, I2, self.c2))
     }
 }
 
 /// `g = c I2` with its derivatives.
-#[inline]
-pub(super) fn second_invariant(C: &Matrix3<f64>, I1: f64, c: f64) -> StrainFactor {
+#[inline(always)]
+pub(super) fn second_invariant<T: Real>(I1: T, I2: T, c: f64) -> StrainFactor<T> {
     StrainFactor {
-        value: 0.5 * c * (I1 * I1 - C.norm_squared()),
-        S: (Matrix3::from_diagonal_element(I1) - C) * (2.0 * c),
-        alpha: 2.0 * c,
-        beta: -2.0 * c,
+        value: I2 * c,
+        S: Isotropic { identity: I1 * (2.0 * c), strain: I1.constant(-2.0 * c) },
+        alpha: I1.constant(2.0 * c),
+        beta: I1.constant(-2.0 * c),
     }
 }

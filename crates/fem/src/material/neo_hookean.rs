@@ -13,16 +13,16 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 pub use super::volume::EXTENSION_BELOW;
 use super::{
     Bulk, Lame, MaterialError,
-    hyperelastic::{Hyperelastic, Response, StrainFactor, VolumeFactor},
+    hyperelastic::{Hyperelastic, Isotropic, Response, StrainFactor},
     lame::validate_young_poisson,
     volume::logarithmic,
 };
+use crate::lanes::Real;
 
 /// Compressible neo-Hookean material. In files either `young` and `poisson`, or `mu` and `k0`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -103,18 +103,16 @@ impl Hyperelastic for NeoHookean {
         Some((Self { young: 2.0 * mu, poisson: 0.0 }, Bulk::Logarithmic { modulus: lambda }))
     }
 
-    #[inline]
-    fn response(&self, C: &Matrix3<f64>, J: f64) -> Response {
+    #[inline(always)]
+    fn response<T: Real>(&self, I1: T, _: T, J: T) -> Response<T> {
         let Lame { mu, lambda: k0 } = self.small_strain();
+        let zero = J.constant(0.0);
         let shear = StrainFactor {
-            value: 0.5 * mu * (C.trace() - 3.0),
-            S: Matrix3::from_diagonal_element(mu),
-            alpha: 0.0,
-            beta: 0.0,
+            value: (I1 - 3.0) * (0.5 * mu),
+            S: Isotropic { identity: J.constant(mu), strain: zero },
+            alpha: zero,
+            beta: zero,
         };
-        let mut response = Response::default();
-        response.add(&VolumeFactor::ONE, &shear);
-        response.add_volume(&logarithmic(mu, k0, J));
-        response
+        Response::volume(&logarithmic(mu, k0, J)).with_strain(&shear)
     }
 }

@@ -23,20 +23,25 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Bulk, Lame, Law, MaterialError,
+    BatchReport, Bulk, Lame, Law, MaterialError,
     hyperelastic::VolumeFactor,
+    kernel::{PrincipalLaw, principal::PrincipalResponse, principal_batch},
     lame::{validate_positive, validate_young_poisson},
     principal::PrincipalTangent,
     volume::{guarded, logarithmic, power_of},
 };
 use crate::{
     element::{ElementMatrices, Tetrahedron},
+    lanes::{Real, Vec3},
+    pack::{Pack, PackMatrices},
     rotation::{SignedSvd, signed_svd},
 };
 
 /// Principal stretch below which the power is continued; the length of a fibre that is crushed to a fifth is beyond any
 /// measured law.
 pub const STRETCH_FLOOR: f64 = 0.2;
+
+const FLOOR: f64 = STRETCH_FLOOR * STRETCH_FLOOR;
 
 /// Exponent `alpha` where none is given, a choice of ours: at a simple shear of 0.5 the stress is 1.72 times the linear one.
 pub const DEFAULT_ALPHA: f64 = 8.0;
@@ -91,23 +96,26 @@ impl Ogden {
         Self { mu: lame.mu, alpha: DEFAULT_ALPHA, bulk: lame.bulk() }
     }
 
-    fn state(&self, sigma: &Vector3<f64>) -> Principal {
+    #[inline(always)]
+    fn state<T: Real>(&self, s: &Vec3<T>) -> Principal<T> {
         let Self { mu, alpha, bulk } = *self;
-        let J = sigma.x * sigma.y * sigma.z;
+        let dJ = [s[1] * s[2], s[2] * s[0], s[0] * s[1]];
+        let J = s[0] * dJ[0];
         let scale = 2.0 * mu / (alpha * alpha);
         let j = guarded(J);
         let f = power_of(&j, -alpha / 3.0, j.value.powf(-alpha / 3.0));
-        let g = [0, 1, 2].map(|a| stretch_power(0.5 * alpha, sigma[a] * sigma[a]));
+        let k = 0.5 * alpha;
+        let g = [stretch_power(k, s[0] * s[0]), stretch_power(k, s[1] * s[1]), stretch_power(k, s[2] * s[2])];
         let sum = g[0].value + g[1].value + g[2].value;
         let volume = logarithmic(0.0, bulk, J);
         Principal {
-            energy: scale * (f.value * sum - 3.0) + volume.value,
-            s1: scale * f.first * sum + volume.first,
-            s2: scale * f.second * sum + volume.second,
-            m: scale * f.value,
-            m_prime: scale * f.first,
+            energy: (f.value * sum - 3.0) * scale + volume.value,
+            s1: f.first * sum * scale + volume.first,
+            s2: f.second * sum * scale + volume.second,
+            m: f.value * scale,
+            m_prime: f.first * scale,
             g,
-            dJ: Vector3::new(sigma.y * sigma.z, sigma.z * sigma.x, sigma.x * sigma.y),
+            dJ,
         }
     }
 
@@ -116,97 +124,104 @@ impl Ogden {
         &self,
         element: &Tetrahedron,
         svd: SignedSvd,
-        state: &Principal,
+        state: &Principal<f64>,
         filter: bool,
         out: &mut ElementMatrices,
     ) -> bool {
         out.forces = element.forces(&state.stress(&svd));
-        let mut tangent = self.tangent(svd, state);
+        let mut tangent = PrincipalTangent::new(svd, &self.derivatives(svd.sigma.as_ref(), state));
         let acted = filter && tangent.filter();
         tangent.blocks(element, &mut out.blocks);
         acted
     }
 
-    fn tangent(&self, svd: SignedSvd, p: &Principal) -> PrincipalTangent {
-        let s = svd.sigma;
-        let mut tangent = PrincipalTangent::new(svd);
+    /// The derivatives by the singular values `s` at a state of the law.
+    #[inline(always)]
+    fn derivatives<T: Real>(&self, s: &Vec3<T>, p: &Principal<T>) -> PrincipalResponse<T> {
+        let (mut stress, mut flip, mut twist) = (*s, *s, *s);
+        let mut scaling = [p.m; 6];
+        let mut k = 0;
         for a in 0..3 {
-            let (b, c) = ((a + 1) % 3, (a + 2) % 3);
-            for e in 0..3 {
-                tangent.scaling[(a, e)] = p.s2 * p.dJ[a] * p.dJ[e]
-                    + 2.0 * p.m_prime * (s[a] * p.g[a].first * p.dJ[e] + p.dJ[a] * s[e] * p.g[e].first);
+            let h = p.g[a].first;
+            stress[a] = s[a] * h * p.m * 2.0 + p.dJ[a] * p.s1;
+            for e in a..3 {
+                let mixed = s[a] * h * p.dJ[e] + p.dJ[a] * s[e] * p.g[e].first;
+                let same =
+                    if a == e { (h + s[a] * s[a] * p.g[a].second * 2.0) * p.m * 2.0 } else { p.s1 * s[3 - a - e] };
+                scaling[k] = p.s2 * p.dJ[a] * p.dJ[e] + p.m_prime * mixed * 2.0 + same;
+                k += 1;
             }
-            tangent.scaling[(a, a)] += 2.0 * p.m * (p.g[a].first + 2.0 * s[a] * s[a] * p.g[a].second);
-            tangent.scaling[(a, b)] += p.s1 * s[c];
-            tangent.scaling[(a, c)] += p.s1 * s[b];
+            let (b, c) = ((a + 1) % 3, (a + 2) % 3);
             let mean = p.g[b].first + p.g[c].first;
             let difference = divided_difference(0.5 * self.alpha, s[b] * s[b], s[c] * s[c]);
-            tangent.flip[a] = p.m * (mean + (s[b] + s[c]).powi(2) * difference) - p.s1 * s[a];
-            tangent.twist[a] = p.m * (mean + (s[b] - s[c]).powi(2) * difference) + p.s1 * s[a];
+            let (sum, gap) = (s[b] + s[c], s[b] - s[c]);
+            flip[a] = p.m * (mean + sum * sum * difference) - p.s1 * s[a];
+            twist[a] = p.m * (mean + gap * gap * difference) + p.s1 * s[a];
         }
-        tangent
+        PrincipalResponse { stress, scaling, flip, twist }
+    }
+}
+
+impl PrincipalLaw for Ogden {
+    #[inline(always)]
+    fn principal<T: Real>(&self, sigma: &Vec3<T>) -> PrincipalResponse<T> {
+        self.derivatives(sigma, &self.state(sigma))
     }
 }
 
 /// The law at given singular values; letters as in the module's documentation.
-struct Principal {
-    energy: f64,
-    s1: f64,
-    s2: f64,
-    m: f64,
+struct Principal<T> {
+    energy: T,
+    s1: T,
+    s2: T,
+    m: T,
     /// `∂m/∂J`.
-    m_prime: f64,
+    m_prime: T,
     /// `g, h, h'` of each stretch.
-    g: [VolumeFactor; 3],
+    g: [VolumeFactor<T>; 3],
     /// `∂J/∂σ`.
-    dJ: Vector3<f64>,
+    dJ: Vec3<T>,
 }
 
-impl Principal {
+impl Principal<f64> {
     /// `P = U diag(Ψ_a) Vᵀ`.
     fn stress(&self, svd: &SignedSvd) -> Matrix3<f64> {
         let h = Vector3::new(self.g[0].first, self.g[1].first, self.g[2].first);
-        let along = svd.sigma.component_mul(&h) * (2.0 * self.m) + self.dJ * self.s1;
+        let along = svd.sigma.component_mul(&h) * (2.0 * self.m) + Vector3::from(self.dJ) * self.s1;
         svd.U * Matrix3::from_diagonal(&along) * svd.V.transpose()
     }
 }
 
 /// `g = c^k` with `h = g'` and `h'`, with its quadratic extension below the square of [`STRETCH_FLOOR`].
-#[inline]
-fn stretch_power(k: f64, c: f64) -> VolumeFactor {
-    const FLOOR: f64 = STRETCH_FLOOR * STRETCH_FLOOR;
-    let at = if c > FLOOR { c } else { FLOOR };
+#[inline(always)]
+fn stretch_power<T: Real>(k: f64, c: T) -> VolumeFactor<T> {
+    let at = c.larger(c.constant(FLOOR));
+    let inverse = at.recip();
     let value = at.powf(k);
-    let first = k * value / at;
-    let second = (k - 1.0) * first / at;
-    if c > FLOOR {
-        return VolumeFactor { value, first, second };
-    }
-    // Also reached by NaN, which then spreads and is reported.
-    let d = c - FLOOR;
-    VolumeFactor { value: value + d * (first + 0.5 * d * second), first: first + d * second, second }
+    let first = value * inverse * k;
+    let second = first * inverse * (k - 1.0);
+    // Zero above the floor; NaN, which then spreads and is reported, where the stretch is.
+    let d = c - at;
+    VolumeFactor { value: value + d * (first + d * second * 0.5), first: first + d * second, second }
 }
 
 /// `(h(b) - h(c)) / (b - c)` for `h` of [`stretch_power`]; its limit `h'` where `b = c`.
 ///
 /// Above the floor it is `k c^(k-2) (e^((k-1) t) - 1) / (e^t - 1)` with `t = ln(b / c)`, which cancels nothing; where one
 /// or both lie below, the mean over the parts, since `h` is straight there.
-fn divided_difference(k: f64, b: f64, c: f64) -> f64 {
-    const FLOOR: f64 = STRETCH_FLOOR * STRETCH_FLOOR;
-    let (low, high) = if b < c { (b, c) } else { (c, b) };
-    let powers = |low: f64, high: f64| {
-        let ratio = (high - low) / low;
-        let slope = if ratio > 0.0 { ((k - 1.0) * ratio.ln_1p()).exp_m1() / ratio } else { k - 1.0 };
-        k * low.powf(k - 2.0) * slope
-    };
-    if low > FLOOR {
-        return powers(low, high);
-    }
-    let straight = k * (k - 1.0) * FLOOR.powf(k - 2.0);
-    if high <= FLOOR {
-        return straight;
-    }
-    (powers(FLOOR, high) * (high - FLOOR) + straight * (FLOOR - low)) / (high - low)
+#[inline(always)]
+fn divided_difference<T: Real>(k: f64, b: T, c: T) -> T {
+    let (zero, floor) = (b.constant(0.0), b.constant(FLOOR));
+    let ordered = c.above(b);
+    let (low, high) = (b.or_where_not(ordered, c), c.or_where_not(ordered, b));
+    let from = low.larger(floor);
+    let ratio = (high.larger(floor) - from) / from;
+    let slope = ratio.map(|r| if r > 0.0 { ((k - 1.0) * r.ln_1p()).exp_m1() / r } else { k - 1.0 });
+    let curved = from.powf(k - 2.0) * slope * k;
+    let straight = b.constant(k * (k - 1.0) * FLOOR.powf(k - 2.0));
+    let across =
+        (curved * (high - floor) + straight * (floor - low)) / (high - low).larger(zero.constant(f64::MIN_POSITIVE));
+    curved.or_where_not(low.above(floor), across.or_where_not(high.above(floor), straight))
 }
 
 impl Law for Ogden {
@@ -241,22 +256,26 @@ impl Law for Ogden {
         out: &mut ElementMatrices,
     ) -> Option<bool> {
         let svd = signed_svd(&(edges * element.inverse_rest_edges));
-        let mut state = self.state(&svd.sigma);
+        let mut state = self.state(svd.sigma.as_ref());
         state.s1 += pressure;
         Some(self.element_at(element, svd, &state, filter, out))
     }
 
     fn energy_density(&self, F: &Matrix3<f64>) -> f64 {
-        self.state(&signed_svd(F).sigma).energy
+        self.state(signed_svd(F).sigma.as_ref()).energy
     }
 
     fn first_piola(&self, F: &Matrix3<f64>) -> Matrix3<f64> {
         let svd = signed_svd(F);
-        self.state(&svd.sigma).stress(&svd)
+        self.state(svd.sigma.as_ref()).stress(&svd)
     }
 
     fn element(&self, element: &Tetrahedron, edges: &Matrix3<f64>, filter: bool, out: &mut ElementMatrices) -> bool {
         let svd = signed_svd(&(edges * element.inverse_rest_edges));
-        self.element_at(element, svd, &self.state(&svd.sigma), filter, out)
+        self.element_at(element, svd, &self.state(svd.sigma.as_ref()), filter, out)
+    }
+
+    fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
+        principal_batch(self, packs, q, filter, out)
     }
 }

@@ -10,13 +10,14 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::kernel::principal::PrincipalResponse;
 use crate::{
     element::Tetrahedron,
     rotation::{SignedSvd, signed_svd},
 };
 
 /// Eigenvalues above `-ROUNDING` times the largest count as zero: rotations have eigenvalue zero at rest.
-const ROUNDING: f64 = 1e-12;
+pub(crate) const ROUNDING: f64 = 1e-12;
 
 /// `∂P/∂F` (Pa) of an isotropic law in the frame of the singular vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,9 +32,15 @@ pub struct PrincipalTangent {
 }
 
 impl PrincipalTangent {
-    /// Zero in the given frame.
-    pub fn new(svd: SignedSvd) -> Self {
-        Self { svd, scaling: Matrix3::zeros(), flip: Vector3::zeros(), twist: Vector3::zeros() }
+    /// The derivatives of a law in the given frame.
+    pub fn new(svd: SignedSvd, response: &PrincipalResponse<f64>) -> Self {
+        let [a, b, c, d, e, f] = response.scaling;
+        Self {
+            svd,
+            scaling: Matrix3::new(a, b, c, b, d, e, c, e, f),
+            flip: response.flip.into(),
+            twist: response.twist.into(),
+        }
     }
 
     /// Replaces negative eigenvalues by zero. Returns whether one was negative beyond rounding; data that are not finite

@@ -10,14 +10,14 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use super::{
     Lame, MaterialError,
-    hyperelastic::{Hyperelastic, Response},
+    hyperelastic::{Hyperelastic, Isotropic, Response},
     lame::{ElasticParameters, validate_young_poisson},
 };
+use crate::lanes::Real;
 
 /// St Venant-Kirchhoff material. In files either `young` and `poisson`, or `mu` and `lambda`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,17 +63,21 @@ impl Hyperelastic for StVenantKirchhoff {
         Self { young: lame.young(), poisson: lame.poisson() }
     }
 
-    #[inline]
-    fn response(&self, C: &Matrix3<f64>, _J: f64) -> Response {
+    #[inline(always)]
+    fn response<T: Real>(&self, I1: T, I2: T, J: T) -> Response<T> {
         let Lame { mu, lambda } = self.small_strain();
-        let E = (C - Matrix3::identity()) * 0.5;
-        let trace = E.trace();
+        // tr E and tr E² of E = (C - I) / 2, with tr C² = I1² - 2 I2.
+        let trace = (I1 - 3.0) * 0.5;
+        let square = (I1 * I1 - I2 * 2.0 - I1 * 2.0 + 3.0) * 0.25;
+        let zero = J.constant(0.0);
         Response {
-            energy: mu * E.norm_squared() + 0.5 * lambda * trace * trace,
-            S: E * (2.0 * mu) + Matrix3::from_diagonal_element(lambda * trace),
-            alpha: 0.5 * lambda,
-            beta: mu,
-            ..Response::default()
+            energy: square * mu + trace * trace * (0.5 * lambda),
+            S: Isotropic { identity: trace * lambda - mu, strain: J.constant(mu) },
+            S_prime: Isotropic { identity: zero, strain: zero },
+            s1: zero,
+            s2: zero,
+            alpha: J.constant(0.5 * lambda),
+            beta: J.constant(mu),
         }
     }
 }

@@ -13,14 +13,14 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use super::{
     Bulk, Lame, MaterialError,
-    hyperelastic::{Hyperelastic, Response, VolumeFactor},
+    hyperelastic::{Hyperelastic, Isotropic, Response, StrainFactor, VolumeFactor},
     lame::{ElasticParameters, validate_young_poisson},
 };
+use crate::lanes::Real;
 
 /// Stable neo-Hookean material. In files either `young` and `poisson`, or Lamé's `mu` and `lambda` at small strain.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -71,24 +71,24 @@ impl Hyperelastic for StableNeoHookean {
         Some((Self { young: 2.0 * mu, poisson: 0.0 }, Bulk::Quadratic { modulus: lambda }))
     }
 
-    #[inline]
-    fn response(&self, C: &Matrix3<f64>, J: f64) -> Response {
+    #[inline(always)]
+    fn response<T: Real>(&self, I1: T, _: T, J: T) -> Response<T> {
         let Lame { mu, lambda } = self.small_strain();
         let (mu, lambda) = (mu * 4.0 / 3.0, lambda + mu * 5.0 / 6.0);
-        let I1 = C.trace();
+        let zero = J.constant(0.0);
         let inverse = (I1 + 1.0).recip();
-        let mut response = Response {
-            energy: 0.5 * mu * ((I1 - 3.0) - (0.25 * (I1 + 1.0)).ln()),
-            S: Matrix3::from_diagonal_element(mu * (1.0 - inverse)),
-            alpha: mu * inverse * inverse,
-            ..Response::default()
+        let shear = StrainFactor {
+            value: ((I1 - 3.0) - ((I1 + 1.0) * 0.25).ln()) * (0.5 * mu),
+            S: Isotropic { identity: (-inverse + 1.0) * mu, strain: zero },
+            alpha: inverse * inverse * mu,
+            beta: zero,
         };
         let d = J - 1.0;
-        response.add_volume(&VolumeFactor {
-            value: (0.5 * lambda * d - 0.75 * mu) * d,
-            first: lambda * d - 0.75 * mu,
-            second: lambda,
-        });
-        response
+        let volume = VolumeFactor {
+            value: (d * (0.5 * lambda) - 0.75 * mu) * d,
+            first: d * lambda - 0.75 * mu,
+            second: J.constant(lambda),
+        };
+        Response::volume(&volume).with_strain(&shear)
     }
 }

@@ -4,7 +4,7 @@
 //! Ψ = c1 (e^X - 1) - c1 c2 / 2 (J^(-4/3) I2 - 3) + k/2 ln²J,    X = c2 (J^(-2/3) I1 - 3)      J/m³
 //! ```
 //! `c1` (Pa) scales, `c2` says how fast the tissue stiffens. At small strain the shear modulus is `c1 c2` and the bulk
-//! modulus `k`. The exponential is grouped: `φ(X)` with the chain rule, as [`Response::add_composed`] says. The second term
+//! modulus `k`. The exponential is grouped: `φ(X)` with the chain rule, as [`Response::with_composed`] says. The second term
 //! is negative, so that the law loses convexity in moderate strain for small `c2`; the tangent filter is for that.
 //!
 //! Departures: above `X0 =` [`EXPONENT_LIMIT`] the curvature of the exponential fades to zero over one unit of `X` and it goes
@@ -13,7 +13,6 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -23,6 +22,7 @@ use super::{
     mooney_rivlin::second_invariant,
     volume::{guarded, logarithmic, power_of},
 };
+use crate::lanes::Real;
 
 /// Exponent above which the exponential goes on straight. There the tissue is `e^9.2 = 1e4` times stiffer than at rest: the
 /// largest ratio of stiffness that a body may have ([`MAX_STIFFNESS_RATIO`](crate::model::MAX_STIFFNESS_RATIO)).
@@ -113,41 +113,38 @@ impl Hyperelastic for VerondaWestmann {
         Some((Self { bulk: 0.0, ..*self }, Bulk::Logarithmic { modulus: self.bulk }))
     }
 
-    #[inline]
-    fn response(&self, C: &Matrix3<f64>, J: f64) -> Response {
+    #[inline(always)]
+    fn response<T: Real>(&self, I1: T, I2: T, J: T) -> Response<T> {
         let Self { c1, c2, bulk } = *self;
-        let I1 = C.trace();
         let j = guarded(J);
-        let root = j.value.cbrt().recip();
+        let root = j.value.powf(-1.0 / 3.0);
         let root2 = root * root;
         let f = power_of(&j, -2.0 / 3.0, root2);
-        let scaled = VolumeFactor { value: c2 * f.value, first: c2 * f.first, second: c2 * f.second };
-        let phi = exponential(c1, c2 * (f.value * I1 - 3.0));
-        let mut response = Response::default();
-        response.add_composed(&phi, &scaled, I1);
-        response.add(&power_of(&j, -4.0 / 3.0, root2 * root2), &second_invariant(C, I1, -0.5 * c1 * c2));
-        response.add_volume(&logarithmic(0.0, bulk, J));
-        response.energy += 1.5 * c1 * c2;
-        response
+        let scaled = VolumeFactor { value: f.value * c2, first: f.first * c2, second: f.second * c2 };
+        let phi = exponential(c1, (f.value * I1 - 3.0) * c2);
+        let bulk = logarithmic(0.0, bulk, J);
+        let rest = VolumeFactor { value: bulk.value + 1.5 * c1 * c2, ..bulk };
+        Response::volume(&rest)
+            .with_composed(&phi, &scaled, I1)
+            .with(&power_of(&j, -4.0 / 3.0, root2 * root2), &second_invariant(I1, I2, -0.5 * c1 * c2))
     }
 }
 
 /// `φ = c (e^X - 1)` with its derivatives, continued above [`EXPONENT_LIMIT`]: with `d = X - X0` and `t = min(d, 1)`
 /// `φ'' = c e^X0 (1 - t)`, integrated twice.
-#[inline]
-fn exponential(c: f64, X: f64) -> VolumeFactor {
-    if X <= EXPONENT_LIMIT {
-        let e = c * X.exp_m1();
-        return VolumeFactor { value: e, first: e + c, second: e + c };
-    }
-    // Also reached by NaN, which then spreads and is reported.
-    let e = c * EXPONENT_LIMIT.exp();
-    let d = X - EXPONENT_LIMIT;
-    let t = d.clamp(0.0, 1.0);
+#[inline(always)]
+fn exponential<T: Real>(c: f64, X: T) -> VolumeFactor<T> {
+    let (one, limit) = (X.constant(1.0), X.constant(EXPONENT_LIMIT));
+    let at = X.or_where_not(limit.above(X), limit);
+    // Zero where the exponential is exact; NaN, which then spreads and is reported, where X is.
+    let d = X - at;
+    let t = one.or_where_not(d.above(one), d);
     let straight = d - t;
+    let e = at.exp();
+    let grown = t + t * t * (t * (-1.0 / 6.0) + 0.5) + straight * 1.5;
     VolumeFactor {
-        value: e * (1.0 + t + t * t * (0.5 - t / 6.0) + 1.5 * straight) - c,
-        first: e * (1.0 + t - 0.5 * t * t),
-        second: e * (1.0 - t),
+        value: ((e - 1.0) + e * grown) * c,
+        first: e * (one + t - t * t * 0.5) * c,
+        second: e * (one - t) * c,
     }
 }

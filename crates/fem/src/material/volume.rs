@@ -13,6 +13,7 @@
 #![allow(non_snake_case)]
 
 use super::hyperelastic::VolumeFactor;
+use crate::lanes::Real;
 
 /// Volume ratio below which functions of `ln J` and powers of `J` are continued. Tissue that is crushed to a fifth of
 /// its volume is beyond any measured law; above, the laws are exact.
@@ -21,49 +22,40 @@ pub const EXTENSION_BELOW: f64 = 0.2;
 /// `f = k0/2 ln²J - mu ln J` (Pa), with its quadratic extension. `mu = 0` gives the bulk energy of the isochoric laws.
 ///
 /// `f''` turns negative above `J = e` (for `k0 >> mu`): the logarithmic bulk energy softens in extreme expansion.
-#[inline]
-pub(super) fn logarithmic(mu: f64, k0: f64, J: f64) -> VolumeFactor {
-    let at = if J > EXTENSION_BELOW { J } else { EXTENSION_BELOW };
+#[inline(always)]
+pub(super) fn logarithmic<T: Real>(mu: f64, k0: f64, J: T) -> VolumeFactor<T> {
+    let at = J.larger(J.constant(EXTENSION_BELOW));
     let ln = at.ln();
     let inverse = at.recip();
-    let factor = VolumeFactor {
-        value: (0.5 * k0 * ln - mu) * ln,
-        first: (k0 * ln - mu) * inverse,
-        second: (k0 * (1.0 - ln) + mu) * inverse * inverse,
-    };
-    if J > EXTENSION_BELOW {
-        return factor;
-    }
-    // Also reached by NaN, which then spreads and is reported.
-    let d = J - EXTENSION_BELOW;
-    VolumeFactor {
-        value: factor.value + d * (factor.first + 0.5 * d * factor.second),
-        first: factor.first + d * factor.second,
-        second: factor.second,
-    }
+    let value = (ln * (0.5 * k0) - mu) * ln;
+    let first = (ln * k0 - mu) * inverse;
+    let second = (-(ln * k0) + (k0 + mu)) * inverse * inverse;
+    // Zero where the law is exact; NaN, which then spreads and is reported, where J is.
+    let d = J - at;
+    VolumeFactor { value: value + d * (first + d * second * 0.5), first: first + d * second, second }
 }
 
 /// The guarded volume ratio `j(J)`: at least `EXTENSION_BELOW / 2`, or NaN where `J` is.
-#[inline]
-pub(super) fn guarded(J: f64) -> VolumeFactor {
-    if J > EXTENSION_BELOW {
-        return VolumeFactor { value: J, first: 1.0, second: 0.0 };
-    }
-    let t = 1.0 - J / EXTENSION_BELOW;
-    // NaN is kept by `f64::clamp`.
-    let t = t.clamp(0.0, 1.0);
+#[inline(always)]
+pub(super) fn guarded<T: Real>(J: T) -> VolumeFactor<T> {
+    let (zero, one) = (J.constant(0.0), J.constant(1.0));
+    let t = one - J * (1.0 / EXTENSION_BELOW);
+    let t = zero.or_where_not(zero.above(t), t);
+    let t = one.or_where_not(t.above(one), t);
     let t2 = t * t;
+    let value = (one - t + t * t2 - t2 * t2 * 0.5) * EXTENSION_BELOW;
     VolumeFactor {
-        value: EXTENSION_BELOW * (1.0 - t + t * t2 - 0.5 * t2 * t2),
-        first: 1.0 - 3.0 * t2 + 2.0 * t2 * t,
-        second: 6.0 * (t - t2) / EXTENSION_BELOW,
+        value: J.or_where_not(J.above(J.constant(EXTENSION_BELOW)), value),
+        first: one - t2 * 3.0 + t2 * t * 2.0,
+        second: (t - t2) * (6.0 / EXTENSION_BELOW),
     }
 }
 
 /// `j^k` of a guarded ratio `j`, where `power` is that value.
-#[inline]
-pub(super) fn power_of(j: &VolumeFactor, k: f64, power: f64) -> VolumeFactor {
-    let slope = k * power / j.value;
-    let curvature = (k - 1.0) * slope / j.value;
+#[inline(always)]
+pub(super) fn power_of<T: Real>(j: &VolumeFactor<T>, k: f64, power: T) -> VolumeFactor<T> {
+    let inverse = j.value.recip();
+    let slope = power * inverse * k;
+    let curvature = slope * inverse * (k - 1.0);
     VolumeFactor { value: power, first: slope * j.first, second: curvature * j.first * j.first + slope * j.second }
 }

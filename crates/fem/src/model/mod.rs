@@ -11,11 +11,12 @@ pub(crate) use self::config::Tissue;
 pub use self::config::{FemConfig, FemError, MAX_STIFFNESS_RATIO};
 use self::elements::Elements;
 use crate::{
-    assembly::ScatterLists,
+    assembly::{PackLists, ScatterLists},
     averaging::{Averaging, Groups, cliques},
     element::{ElementKind, QuadraticTetrahedron, Tetrahedron, quadratic::POINTS},
     material::{BATCH, Bulk, Law, Material},
     mesh::TetMesh,
+    pack::{PACK, Pack},
     sparse::{BlockPattern, FIXED},
 };
 
@@ -35,6 +36,8 @@ pub struct FemState {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Batch {
     pub(crate) elements: Range<usize>,
+    /// Empty unless the elements are linear.
+    pub(crate) packs: Range<usize>,
     pub(crate) tissue: Tissue,
     /// The batch's part of [`FemState::memory`].
     pub(crate) memory: Range<usize>,
@@ -57,6 +60,8 @@ pub struct FemModel {
     free_tetrahedra: Vec<[u32; 4]>,
     mesh_tetrahedron: Vec<u32>,
     batches: Vec<Batch>,
+    packs: Vec<Pack>,
+    pack_lists: PackLists,
     memory: usize,
     mass: Vec<f64>,
     free_of_node: Vec<u32>,
@@ -107,7 +112,12 @@ impl FemModel {
         let free = node_of_free.len();
         let mut averaging = None;
         let (pattern, scatter) = match config.element {
-            ElementKind::Linear => lists(&corners, &[], &free_of_node, free),
+            // Packs have lists of their own: here only the pattern, and the numbers of its upper blocks.
+            ElementKind::Linear => {
+                let pattern = BlockPattern::from_cliques(free, free_tetrahedra.iter().map(<[u32; 4]>::as_slice));
+                let scatter = ScatterLists::new::<4>(&pattern, &[], &free_of_node);
+                (Arc::new(pattern), scatter)
+            }
             ElementKind::Quadratic => lists(&ten_nodes, &[], &free_of_node, free),
             ElementKind::Averaged => {
                 let of_element: Vec<usize> = order.iter().map(|&t| tissue_of_region[region_of(t as usize)]).collect();
@@ -125,6 +135,11 @@ impl FemModel {
         };
         let size = batch_size(config.element);
         let mut batches = batches(order.iter().map(|&t| tissue_of_region[region_of(t as usize)]), &tissues, size);
+        let (mut packs, mut pack_lists) = (Vec::new(), PackLists::default());
+        if config.element == ElementKind::Linear {
+            packs = pack(&mut batches, &elements);
+            pack_lists = PackLists::new(&packs, &batches, &free_of_node, &pattern, &scatter);
+        }
         let points = if config.element == ElementKind::Quadratic { POINTS } else { 1 };
         let mut memory = 0;
         for batch in &mut batches {
@@ -140,6 +155,8 @@ impl FemModel {
             free_tetrahedra,
             mesh_tetrahedron: order,
             batches,
+            packs,
+            pack_lists,
             memory,
             mass,
             free_of_node,
@@ -267,6 +284,16 @@ impl FemModel {
         self.averaging.as_ref()
     }
 
+    /// The elements of a linear body in packs of one material each, in the order of [`FemModel::elements`]; empty for other
+    /// kinds.
+    pub fn packs(&self) -> &[Pack] {
+        &self.packs
+    }
+
+    pub(crate) fn pack_lists(&self) -> &PackLists {
+        &self.pack_lists
+    }
+
     pub(crate) fn scatter(&self) -> &ScatterLists {
         &self.scatter
     }
@@ -386,9 +413,20 @@ fn batches(tissue_of_element: impl Iterator<Item = usize>, tissues: &[Tissue], s
     for (e, m) in tissue_of_element.enumerate() {
         match batches.last_mut() {
             Some(batch) if m == last && batch.elements.len() < size => batch.elements.end = e + 1,
-            _ => batches.push(Batch { elements: e..e + 1, tissue: tissues[m].clone(), memory: 0..0 }),
+            _ => batches.push(Batch { elements: e..e + 1, tissue: tissues[m].clone(), packs: 0..0, memory: 0..0 }),
         }
         last = m;
     }
     batches
+}
+
+/// Cuts each batch into packs and tells it which are its own.
+fn pack(batches: &mut [Batch], elements: &[Tetrahedron]) -> Vec<Pack> {
+    let mut packs = Vec::with_capacity(batches.len() * BATCH.div_ceil(PACK));
+    for batch in batches {
+        let first = packs.len();
+        packs.extend(batch.of(elements).chunks(PACK).filter_map(Pack::new));
+        batch.packs = first..packs.len();
+    }
+    packs
 }

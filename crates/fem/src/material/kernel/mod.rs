@@ -8,13 +8,15 @@
 
 pub mod principal;
 mod six_pieces;
+mod small_strain;
 
 use nalgebra::Vector3;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Simd;
 
 pub(crate) use self::{
     principal::{PrincipalLaw, principal_batch},
     six_pieces::six_pieces_batch,
+    small_strain::small_strain_batch,
 };
 use crate::{
     lanes::{Lanes, Mat3, Real, Vec3},
@@ -46,24 +48,24 @@ fn for_packs(
     report
 }
 
-/// Parts into which `S` cuts the elements of a pack.
+/// Parts into which `N` vectors of `S` cut the elements of a pack.
 #[inline(always)]
-fn parts<S: Simd>(pack: &Pack) -> usize {
-    pack.len.min(PACK).div_ceil(S::F64_LANES)
+fn parts<S: Simd, const N: usize>(pack: &Pack) -> usize {
+    pack.len.min(PACK).div_ceil(Lanes::<S, N>::COUNT)
 }
 
 #[inline(always)]
-fn load3<S: Simd>(simd: S, rows: &[Row; 3], part: usize) -> Vec3<Lanes<S>> {
+fn load3<S: Simd, const N: usize>(simd: S, rows: &[Row; 3], part: usize) -> Vec3<Lanes<S, N>> {
     [Lanes::load(simd, &rows[0], part), Lanes::load(simd, &rows[1], part), Lanes::load(simd, &rows[2], part)]
 }
 
 #[inline(always)]
-fn load33<S: Simd>(simd: S, rows: &[[Row; 3]; 3], part: usize) -> Mat3<Lanes<S>> {
+fn load33<S: Simd, const N: usize>(simd: S, rows: &[[Row; 3]; 3], part: usize) -> Mat3<Lanes<S, N>> {
     [load3(simd, &rows[0], part), load3(simd, &rows[1], part), load3(simd, &rows[2], part)]
 }
 
 #[inline(always)]
-fn load6<S: Simd>(simd: S, rows: &[Row; 6], part: usize) -> [Lanes<S>; 6] {
+fn load6<S: Simd, const N: usize>(simd: S, rows: &[Row; 6], part: usize) -> [Lanes<S, N>; 6] {
     [
         Lanes::load(simd, &rows[0], part),
         Lanes::load(simd, &rows[1], part),
@@ -75,14 +77,14 @@ fn load6<S: Simd>(simd: S, rows: &[Row; 6], part: usize) -> [Lanes<S>; 6] {
 }
 
 #[inline(always)]
-fn store3<S: Simd>(values: &Vec3<Lanes<S>>, rows: &mut [Row; 3], part: usize) {
+fn store3<S: Simd, const N: usize>(values: &Vec3<Lanes<S, N>>, rows: &mut [Row; 3], part: usize) {
     for c in 0..3 {
         values[c].store(&mut rows[c], part);
     }
 }
 
 #[inline(always)]
-fn store33<S: Simd>(values: &Mat3<Lanes<S>>, rows: &mut [[Row; 3]; 3], part: usize) {
+fn store33<S: Simd, const N: usize>(values: &Mat3<Lanes<S, N>>, rows: &mut [[Row; 3]; 3], part: usize) {
     for c in 0..3 {
         store3(&values[c], &mut rows[c], part);
     }
@@ -145,10 +147,4 @@ impl<S: Simd> Free<Lanes<S>> {
         checksum.store(&mut out.checksum, part);
         self.jacobian.store(&mut out.jacobian, part);
     }
-}
-
-/// Runs `op` with the widest vectors of this machine.
-#[inline]
-fn dispatch<Op: WithSimd>(arch: Arch, op: Op) -> Op::Output {
-    arch.dispatch(op)
 }

@@ -9,7 +9,7 @@
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{Free, TRIANGLE, dispatch, for_packs, load3, load6, load33, parts, store3, store33};
+use super::{Free, TRIANGLE, for_packs, load3, load6, load33, parts, store3, store33};
 use crate::{
     lanes::{
         Lanes, Mat3, Real, Vec3, cross, dot, eigenvectors, matrix_product, scaled, signed_svd, transposed_product,
@@ -73,9 +73,9 @@ pub(crate) fn principal_batch<L: PrincipalLaw>(
     let mut scratch = Scratch::ZERO;
     for_packs(packs, q, out, |pack, edges, out| {
         let scratch = &mut scratch;
-        dispatch(arch, Decompose { pack, edges, scratch });
-        dispatch(arch, Respond { law, pack, scratch });
-        dispatch(arch, Assemble { pack, edges, filter, scratch, out });
+        arch.dispatch(Decompose { pack, edges, scratch });
+        arch.dispatch(Respond { law, pack, scratch });
+        arch.dispatch(Assemble { pack, edges, filter, scratch, out });
     })
 }
 
@@ -91,9 +91,17 @@ impl WithSimd for Decompose<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
+        // The rotations are chains of roots and quotients: where a pack is two vectors, both go side by side.
+        if S::F64_LANES == PACK / 2 { self.run::<S, 2>(simd) } else { self.run::<S, 1>(simd) }
+    }
+}
+
+impl Decompose<'_> {
+    #[inline(always)]
+    fn run<S: Simd, const N: usize>(self, simd: S) {
         let Self { pack, edges, scratch } = self;
-        for part in 0..parts::<S>(pack) {
-            let e = load33(simd, edges, part);
+        for part in 0..parts::<S, N>(pack) {
+            let e: Mat3<Lanes<S, N>> = load33(simd, edges, part);
             let D = load33(simd, &pack.shape, part);
             let mut F = e;
             for c in 0..3 {
@@ -122,8 +130,8 @@ impl<L: PrincipalLaw> WithSimd for Respond<'_, L> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { law, pack, scratch } = self;
-        for part in 0..parts::<S>(pack) {
-            let response = law.principal(&load3(simd, &scratch.sigma, part));
+        for part in 0..parts::<S, 1>(pack) {
+            let response = law.principal::<Lanes<S>>(&load3(simd, &scratch.sigma, part));
             store3(&response.stress, &mut scratch.stress, part);
             for k in 0..6 {
                 response.scaling[k].store(&mut scratch.scaling[k], part);
@@ -149,7 +157,7 @@ impl WithSimd for Assemble<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { pack, edges, filter, scratch, out } = self;
-        for part in 0..parts::<S>(pack) {
+        for part in 0..parts::<S, 1>(pack) {
             let mut response = PrincipalResponse {
                 stress: load3(simd, &scratch.stress, part),
                 scaling: load6(simd, &scratch.scaling, part),

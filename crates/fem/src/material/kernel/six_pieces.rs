@@ -12,7 +12,7 @@
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{Free, TRIANGLE, dispatch, for_packs, load6, load33, parts};
+use super::{Free, TRIANGLE, for_packs, load6, load33, parts};
 use crate::{
     lanes::{Lanes, Mat3, Real, Vec3, cross, dot, scaled, sum},
     material::{
@@ -30,7 +30,7 @@ pub(crate) fn six_pieces_batch<L: Hyperelastic>(
     out: &mut [PackMatrices],
 ) -> BatchReport {
     let arch = Arch::new();
-    for_packs(packs, q, out, |pack, edges, out| dispatch(arch, SixPieces { law, pack, edges, out }))
+    for_packs(packs, q, out, |pack, edges, out| arch.dispatch(SixPieces { law, pack, edges, out }))
 }
 
 struct SixPieces<'a, L> {
@@ -46,7 +46,7 @@ impl<L: Hyperelastic> WithSimd for SixPieces<'_, L> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { law, pack, edges, out } = self;
-        for part in 0..parts::<S>(pack) {
+        for part in 0..parts::<S, 1>(pack) {
             let e = load33(simd, edges, part);
             let gram = load6(simd, &pack.gram, part);
             let inverse_det = Lanes::load(simd, &pack.inverse_det, part);
