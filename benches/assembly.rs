@@ -116,7 +116,7 @@ fn main() {
     }
     for name in LAWS {
         let world = liver(SMALL, |scene| {
-            scene.bodies[0].material = law(name);
+            scene.bodies[0].material = law(name).into();
             scene.bodies[0].regions.clear();
             scene.bodies[0].definiteness_filter = false;
         });

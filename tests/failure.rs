@@ -76,6 +76,7 @@ fn a_crushed_body_ends_the_run_named_at_rest_without_force_and_traced() {
         // the factor thread wakes once in a thousand seconds.
         let world = world(|scene| {
             crush(scene);
+            scene.bodies[0].guard = false;
             (scene.rates.factor_delay, scene.rates.factor) = (10.0, if lockstep { 10.0 } else { 1e-3 });
         });
         let (outcome, recorder) = record(&world, &options);
@@ -84,6 +85,7 @@ fn a_crushed_body_ends_the_run_named_at_rest_without_force_and_traced() {
         let note = summary.notes.iter().find(|note| note.contains("rolled back")).expect("a note says so");
         println!("{name}: {note}");
         assert!(note.contains("body tissue") && note.contains(" s: "), "names body and time: {note}");
+        assert!(note.contains("tetrahedron") && note.contains("region `block`"), "names an element: {note}");
         assert!(all_finite(&outcome.state.q) && outcome.state.v.iter().all(|v| *v == Vector3::zeros()), "{name}");
         assert!(summary.largest_force > 1.0, "the force must have somewhere to fall from");
         assert_eq!(recorder.forces().last(), Some(&Vector3::zeros()), "{name}: the last force is none");

@@ -8,10 +8,12 @@ use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, vio
 use nalgebra::Isometry3;
 use palpate::constraints::compliance::ComplianceMethod;
 use palpate::fem::assembly::assemble;
+use palpate::fem::material::PronyTerm;
 use palpate::haptics::exchange::latest;
 use palpate::haptics::script::ScriptKey;
 use palpate::haptics::snapshot::HapticSnapshot;
 use palpate::refresh::{FactorSample, refresh};
+use palpate::scene::IntegratorKind;
 use palpate::simulation::Simulation;
 use palpate::step::{StepInput, StepState, StepStatus, StepWorkspace, step};
 use palpate::tick::Ticker;
@@ -41,6 +43,10 @@ fn worlds() -> impl Iterator<Item = (ComplianceMethod, f64, World)> {
         let change = |scene: &mut palpate::scene::SceneDescription| {
             scene.bodies[0].compliance = method;
             scene.contact.friction = friction;
+            // Elastic tissue without friction, viscous tissue with it.
+            if friction > 0.0 {
+                scene.bodies[0].material.viscosity = vec![PronyTerm { modulus: 0.3, time: 0.2 }];
+            }
             // The same press over and over.
             let once = scene.hand.path.clone();
             let later = |time: f64| move |key: &ScriptKey| ScriptKey { time: time + key.time, ..*key };
@@ -142,6 +148,24 @@ fn step_factor_and_tick_together_allocate_nothing_over_ten_thousand_ticks() {
             assert_eq!(seen, 0, "{method:?}, friction {friction}");
             println!("{method:?}, friction {friction}: {touching} ticks with force, {free} without, {offs} partings");
             assert!(touching > 5000 && free > 500 && offs >= 4 && refreshed > 100, "{refreshed} factors");
+        });
+    }
+}
+
+#[test]
+fn steps_by_newtons_method_and_explicit_ones_allocate_nothing_either() {
+    for integrator in [IntegratorKind::Newton, IntegratorKind::Explicit] {
+        let world = block::world(|scene| {
+            let body = &mut scene.bodies[0];
+            (body.integrator, body.rayleigh_mass, body.rayleigh_stiffness) = (integrator, 8.0, 1e-5);
+        });
+        on_a_worker(|| {
+            let mut simulation = Simulation::new(&world).unwrap();
+            let mut touching = 0;
+            let mut press = || (0..STEPS).for_each(|k| touching += simulation.step(&pose(k)).active);
+            press();
+            assert_eq!(violations(press), 0, "{integrator:?}");
+            assert!(touching > 0);
         });
     }
 }

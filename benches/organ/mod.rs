@@ -27,7 +27,7 @@ pub(crate) const SMALL: f64 = CELLS[0];
 const BALL: f64 = 0.1;
 
 /// Contacts that the ball may have at once.
-const CAPACITY: usize = 96;
+const CAPACITY: usize = 160;
 
 /// Steps for which the ball moves, and how far (m) in each: it meets the skin after about 20 mm and dents it by as much.
 const PRESS_STEPS: u32 = 27;
@@ -44,7 +44,7 @@ pub(crate) fn liver(cell: f64, change: impl FnOnce(&mut SceneDescription)) -> Wo
 /// The liver all of one law.
 pub(crate) fn liver_of(cell: f64, material: Material) -> World {
     liver(cell, |scene| {
-        scene.bodies[0].material = material;
+        scene.bodies[0].material = material.into();
         scene.bodies[0].regions.clear();
     })
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use palpate::solver::solver::Solver;
 
 use crate::exit;
@@ -16,7 +16,8 @@ const EXAMPLES: &str = "Examples:
   palpate mesh organ.msh                     size, quality and faults of a mesh
   palpate mesh make liver.inr.gz --cell 10mm --out organ.vtu
   palpate replay liver.mcap                  run a trace again and compare every force
-  palpate solve problem.json --solver all    one contact problem by every solver";
+  palpate solve problem.json --solver all    one contact problem by every solver
+  palpate chart tissue --out charts          measure error against time by law, element and mesh size";
 
 /// Real-time haptic simulation of soft tissue.
 #[derive(Debug, Parser)]
@@ -47,6 +48,12 @@ pub(crate) enum Command {
     /// Describe a mesh, or make one (`palpate mesh make --help`).
     #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
     Mesh(MeshArguments),
+    /// Measure accuracy against time, draw it as SVG and write the data as CSV.
+    #[command(after_help = "Examples:
+  palpate chart tissue --quick               a look at it, on small meshes
+  palpate chart tissue --out charts          all of it: minutes
+  palpate chart tissue --data ../reference   with the solutions of other codes")]
+    Chart(ChartArguments),
     /// List the bundled scenes.
     Scenes,
     /// Solve contact problems from files: our JSON, or the .dat texts of Siconos.
@@ -142,6 +149,40 @@ pub(crate) struct SolveArguments {
     /// Write forces and gaps of the best answer as JSON; for one FILE.
     #[arg(long, value_name = "SOLUTION")]
     pub(crate) out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ChartArguments {
+    /// What to chart.
+    pub(crate) chart: ChartName,
+    /// Folder for NAME.svg and the tables; made where it is missing. Files of an earlier chart are overwritten.
+    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    pub(crate) out: PathBuf,
+    /// Folder of reference data (`fem/*.json`, `pdms/cylinder.vtk`); by default ../shared/reference where it exists.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) data: Option<PathBuf>,
+    /// Only the smallest problems.
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Print no progress line.
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
+
+/// The charts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ChartName {
+    /// Tissue: error against time per step, by law, element and mesh size.
+    Tissue,
+}
+
+impl ChartName {
+    /// Name of the picture, without ending.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Tissue => "tissue",
+        }
+    }
 }
 
 #[derive(Debug, Args)]

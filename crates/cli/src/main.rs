@@ -1,6 +1,7 @@
 //! The `palpate` program.
 
 mod arguments;
+mod chart;
 mod command;
 mod exit;
 mod output;
@@ -29,6 +30,7 @@ fn main() -> ExitCode {
         Command::Check { scene } => command::check::check(&scene),
         Command::Equilibrium(equilibrium) => command::equilibrium::equilibrium(&equilibrium),
         Command::Mesh(mesh) => command::mesh::mesh(&mesh),
+        Command::Chart(chart) => command::chart::chart(&chart),
         Command::Scenes => command::scenes::scenes(),
         Command::Solve(solve) => command::solve::solve(&solve),
         Command::Replay { trace } => command::replay::replay(&trace),

@@ -1,6 +1,7 @@
 //! Runs of solvers on one problem as a table.
 
 use comfy_table::{Cell, CellAlignment, Table, presets};
+use palpate::solver::automatic::Attempt;
 use palpate::solver::comparison::SolverRun;
 use palpate::solver::report::SolveStatus;
 
@@ -21,6 +22,13 @@ pub(crate) fn runs(runs: &[SolverRun]) -> Table {
         ]);
     }
     table
+}
+
+/// What the automatic choice tried, where that was more than one solver.
+pub(crate) fn attempts(run: &SolverRun) -> Option<String> {
+    let told = |attempt: &Attempt| format!("{} ({})", attempt.solver, status(attempt.report.status));
+    let tried: Vec<_> = run.attempts.iter().map(told).collect();
+    (tried.len() > 1).then(|| format!("{} tried {}", run.solver, tried.join(", then ")))
 }
 
 /// A status in words.

@@ -136,10 +136,15 @@ fn other_solid_cells_are_counted_by_name_and_never_left_out() {
     assert!(message.starts_with("a.msh:14: 2 hexahedra (8 nodes) cannot be simulated"), "{message}");
 
     let quadratic = "# vtk DataFile Version 3.0\nq\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 1 float\n0 0 0\n\
-                     CELLS 1 11\n10 0 0 0 0 0 0 0 0 0 0\nCELL_TYPES 1\n24\n";
+                     CELLS 1 14\n13 0 0 0 0 0 0 0 0 0 0 0 0 0\nCELL_TYPES 1\n27\n";
     let message = self::message("a.vtk", quadratic);
-    assert!(message.starts_with("a.vtk:8: 1 quadratic tetrahedra (10 nodes) cannot"), "{message}");
-    assert!(self::message("a.vtk", quadratic.replace("\n24\n", "\n63\n")).contains("VTK type 63"));
+    assert!(message.starts_with("a.vtk:8: 1 quadratic pyramids (13 nodes) cannot"), "{message}");
+    assert!(self::message("a.vtk", quadratic.replace("\n27\n", "\n63\n")).contains("VTK type 63"));
+
+    let mixed = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n$EndNodes\n\
+                 $Elements\n2\n1 4 2 1 1 1 2 3 4\n2 11 2 1 1 1 2 3 4 1 2 3 4 1 2\n$EndElements\n";
+    let message = self::message("a.msh", mixed);
+    assert!(message.contains("1 linear beside 1 quadratic tetrahedra cannot be read here"), "{message}");
 }
 
 #[test]

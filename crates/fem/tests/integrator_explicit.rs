@@ -143,10 +143,12 @@ fn staggering_and_synchronising_undo_each_other() {
 #[test]
 fn a_step_above_the_critical_one_is_refused_with_the_substeps_that_it_needs() {
     let critical = CriticalStep { lower: 1000.0, upper: 1000.0, step: 2e-3, vectors: 9 };
-    assert_eq!(check_step(2e-3, &critical), Ok(()));
-    let error = check_step(1.0 / 30.0, &critical).unwrap_err();
-    assert_eq!(error, ExplicitError::Unstable { dt: 1.0 / 30.0, critical: 2e-3, omega: 1000.0, substeps: 17 });
-    assert!(error.to_string().contains("17 substeps") && error.to_string().contains("2.0000e-3"), "{error}");
+    assert_eq!(check_step(2e-3, 1, &critical), Ok(()));
+    let error = check_step(0.032, 4, &critical).unwrap_err();
+    let expected = ExplicitError::Unstable { substeps: 4, dt: 8e-3, critical: 2e-3, omega: 1000.0, needed: 16 };
+    assert_eq!(error, expected);
+    assert!(error.to_string().contains("at least 16") && error.to_string().contains("2.0000e-3"), "{error}");
+    assert_eq!(check_step(0.032, 16, &critical), Ok(()));
     assert_eq!(critical.substeps(1.0 / 30.0, 0.5), 34);
     assert_eq!(critical.substeps(1e-3, 0.9), 1);
 

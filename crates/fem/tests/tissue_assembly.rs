@@ -156,7 +156,8 @@ fn internal_forces_alone_agree_with_those_of_the_assembly() {
 
 #[test]
 fn a_free_body_keeps_its_momentum() {
-    for material in all_materials(5e3, 0.45) {
+    // The linear law answers a rotation with a torque.
+    for material in all_materials(5e3, 0.45).into_iter().filter(Law::is_frame_indifferent) {
         for filter in [false, true] {
             let mesh = block([2, 2, 2], [0.04; 3], 0.1);
             let config = FemConfig { material, gravity: Vector3::zeros(), filter, ..FemConfig::default() };

@@ -1,9 +1,10 @@
 //! All solvers on a set of problems, each with its residual against time: what a chart of solvers is drawn from.
 
+use crate::automatic::Attempt;
 use crate::problem::ConstraintProblem;
 use crate::report::SolveReport;
 use crate::residual;
-use crate::solver::Solver;
+use crate::solver::{Solver, SolverWorkspace};
 use crate::watch::{Sample, Watch};
 use std::time::Instant;
 
@@ -20,6 +21,8 @@ pub struct SolverRun {
     pub judged: f64,
     /// Wall time of the solve from zero forces, without the making of its memory, s.
     pub seconds: f64,
+    /// What the automatic choice tried, in order; empty for other solvers.
+    pub attempts: Vec<Attempt>,
     /// Residual after each iteration, up to the number of samples asked for.
     pub history: Vec<Sample>,
     /// The forces, N.
@@ -63,5 +66,9 @@ fn run(
     let report = solver.solve_watched(&problem.view(), &mut lambda, &mut ws, &mut watch);
     let seconds = start.elapsed().as_secs_f64();
     let judged = residual::evaluate(&problem.view(), &lambda, &mut vec![0.0; problem.rows()]).relative;
-    SolverRun { problem: number, solver: solver.name(), report, judged, seconds, history, lambda }
+    let attempts = match &ws {
+        SolverWorkspace::Automatic(ws) => ws.attempts().to_vec(),
+        _ => Vec::new(),
+    };
+    SolverRun { problem: number, solver: solver.name(), report, judged, seconds, attempts, history, lambda }
 }

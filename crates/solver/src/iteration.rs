@@ -15,6 +15,10 @@ use crate::watch::Watch;
 /// forming it anew would cost as much as a sweep for nothing.
 const REFRESH_AGE: u32 = 8;
 
+/// A fall of the residual below this part of the best makes a new best. Where rows conflict, forces that grow for ever bring
+/// the residual down by next to nothing: the smaller ones are kept.
+const NOTABLE: f64 = 0.999;
+
 /// What one iteration did to the gap in the workspace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Advance {
@@ -112,14 +116,15 @@ fn iterate(
         if !now.residual.relative.is_finite() {
             return (SolveStatus::NotFinite, now.iteration, now);
         }
-        if now.residual.relative < best.residual.relative {
+        let accepted = now.residual.relative <= stop.tolerance;
+        if now.residual.relative < NOTABLE * best.residual.relative || accepted {
             best = now;
             ws.best.copy_from_slice(lambda);
         }
         if now.residual.relative < 0.99 * milestone.residual.relative {
             milestone = now;
         }
-        if now.residual.relative <= stop.tolerance {
+        if accepted {
             return (SolveStatus::Solved, now.iteration, best);
         }
         if now.iteration >= stop.max_iterations {

@@ -16,6 +16,9 @@
 //! Safeguards: of the steps `t` = 1, 1/2, 1/4, the first that lowers the natural-map residual is taken, else the one with
 //! the least; after [`PATIENCE`] steps without a new best, or a singular system, the run goes back to the best forces and
 //! does twice as many sweeps as the time before. Forces are projected, so that every iterate is admissible.
+//!
+//! The first factorisation on a thread allocates once (packing memory of faer's matrix products, kept for the thread);
+//! nothing is allocated after that.
 
 use crate::dense::LinearSystem;
 use crate::gauss_seidel::{GaussSeidelWorkspace, residual, sweep};

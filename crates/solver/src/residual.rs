@@ -12,13 +12,18 @@
 //! natural map]. Two departures: `rho_a` is `1 / mean diagonal of W_aa` rather than 1, so that the number does not depend
 //! on units or on the stiffness of the bodies, and reads as the gap error that is left; and `scale` is `|delta_free|`
 //! over the blocks that need a force rather than over all, since contacts that are merely near would otherwise loosen
-//! the tolerance of those that touch. A residual of 1 means that about as much violation is left as there was.
+//! the tolerance of those that touch; and each share is raised by the rounding of its force, `2 eps |lambda_a| / rho_a`, so
+//! that forces that grow for ever (conflicting rows) never pass for a solution. A residual of 1 means that about as much violation is left as there was.
 
 use crate::problem::{ProblemView, gather};
 use palpate_constraints::law::natural_stiffness;
 
 /// Smallest scale, relative to `|delta_free|` over all blocks: below it rounding in far rows would count as error.
 const SCALE_FLOOR: f64 = 1e-9;
+
+/// Rounding of a gap and of its natural map relative to the block's force over its stiffness: a difference of large
+/// terms. Large forces swallow the gap in it; what is left of the residual is then not known, least of all to be zero.
+const ROUNDING: f64 = 2.0 * f64::EPSILON;
 
 /// How far forces are from a solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,8 +72,9 @@ pub(crate) fn natural_map_scaled(
     let (mut worst_block, mut worst) = (0, 0.0);
     for (a, block) in view.blocks.iter().enumerate() {
         let rho = rho(a);
-        let r = block.law.natural_map(rho, &gather(delta, block), &gather(lambda, block)) / rho;
-        let share = r.norm_squared();
+        let force = gather(lambda, block);
+        let r = block.law.natural_map(rho, &gather(delta, block), &force) / rho;
+        let share = (r.norm() + ROUNDING * force.norm() / rho).powi(2);
         sum += share;
         // A NaN share is the worst, and stays it.
         if share > worst || share.is_nan() {

@@ -149,6 +149,12 @@ solvers! {
     Automatic(AutomaticConfig, AutomaticWorkspace),
 }
 
+impl From<GaussSeidelConfig> for Solver {
+    fn from(config: GaussSeidelConfig) -> Self {
+        Solver::GaussSeidel(config)
+    }
+}
+
 impl Default for Solver {
     fn default() -> Self {
         Solver::GaussSeidel(GaussSeidelConfig::default())

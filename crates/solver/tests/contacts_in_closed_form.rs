@@ -2,15 +2,14 @@
 #![allow(non_snake_case)]
 
 mod half_space;
+mod rigid_bodies;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use palpate_constraints::law::{Bilateral, Coulomb, Law, Signorini};
 use palpate_solver::gauss_seidel::{self, GaussSeidelConfig, GaussSeidelWorkspace, SweepOrder};
 use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::report::{SolveReport, SolveStatus};
-
-const GRAVITY: f64 = 9.81; // m/s²
-const STEP: f64 = 1e-3; // s
+use rigid_bodies::{GRAVITY, STEP, between_walls, painleve_rod, problem, rigid_stool};
 
 fn tight() -> GaussSeidelConfig {
     GaussSeidelConfig { tolerance: 1e-12, max_sweeps: 20_000, ..GaussSeidelConfig::default() }
@@ -29,12 +28,6 @@ fn solve_from(
 
 fn solve(problem: &ConstraintProblem, config: &GaussSeidelConfig) -> (Vec<f64>, Vec<f64>, SolveReport) {
     solve_from(&vec![0.0; problem.rows()], problem, config)
-}
-
-fn problem(W: DMatrix<f64>, delta_free: &[f64], laws: Vec<Law>) -> ConstraintProblem {
-    let problem = ConstraintProblem::new(W, DVector::from_column_slice(delta_free), laws).unwrap();
-    problem.validate().unwrap();
-    problem
 }
 
 /// A point mass on an incline, stepped from rest by backward Euler; returns its speed along the slope.
@@ -142,19 +135,11 @@ fn two_frictionless_contacts_in_all_four_states() {
     }
 }
 
-/// Rows of a rigid stool's legs over (height, roll, pitch), unit mass and inertia.
-fn stool(corners: &[[f64; 2]]) -> DMatrix<f64> {
-    DMatrix::from_fn(corners.len(), 3, |leg, dof| [1.0, corners[leg][1], -corners[leg][0]][dof])
-}
-
 #[test]
 fn four_legged_stool_has_one_motion_and_bounded_forces() {
-    let H = stool(&[[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]);
-    let W = &H * H.transpose() * (STEP * STEP);
     let weight = GRAVITY; // 1 kg
-    let free = [-STEP * STEP * GRAVITY; 4];
     for start in [[0.0; 4], [8.0, 0.0, 8.0, 0.0], [0.0, 0.0, 0.0, 30.0]] {
-        let stool = problem(W.clone(), &free, vec![Signorini.into(); 4]);
+        let stool = rigid_stool();
         let (lambda, delta, report) = solve_from(&start, &stool, &tight());
         assert_eq!(report.status, SolveStatus::Solved);
         assert!(delta.iter().all(|gap| gap.abs() < 1e-15), "the stool rests: {delta:?}");
@@ -177,18 +162,6 @@ fn elastic_legs_share_the_load_by_their_stiffness() {
         let share = lambda[leg] / lambda[0];
         assert!((share - stiffness[leg] / stiffness[0]).abs() < 1e-8, "leg {leg} carries {share} of the first");
     }
-}
-
-/// A block of 1 kg between two walls along x; rows `[n, t, s]` of each wall.
-fn between_walls(free_normal: [f64; 2], free_tangent: f64, friction: f64) -> ConstraintProblem {
-    let left = Matrix3::identity();
-    let right = Matrix3::new(-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
-    let mut H = DMatrix::zeros(6, 3);
-    H.fixed_view_mut::<3, 3>(0, 0).copy_from(&left);
-    H.fixed_view_mut::<3, 3>(3, 0).copy_from(&right);
-    let W = &H * H.transpose() * (STEP * STEP);
-    let free = [free_normal[0], free_tangent, 0.0, free_normal[1], free_tangent, 0.0];
-    problem(W, &free, vec![Coulomb { friction }.into(); 2])
 }
 
 #[test]
@@ -218,16 +191,9 @@ fn walls_closer_than_the_block_is_wide_stall_with_bounded_forces() {
 
 #[test]
 fn painleve_rod_beyond_critical_friction_gets_a_finite_admissible_force() {
-    // Slender rod of unit mass at the angle of the smallest critical friction, 4/3 at tan(angle) = 2.
-    let angle = 2.0_f64.atan();
-    let (sin, cos) = angle.sin_cos();
-    let n = 1.0 + 3.0 * cos * cos;
-    let nt = -3.0 * sin * cos;
-    let W = DMatrix::from_row_slice(3, 3, &[n, nt, 0.0, nt, 1.0 + 3.0 * sin * sin, 0.0, 0.0, 0.0, 4.0]) * STEP * STEP;
     for friction in [0.5, 1.3, 4.0 / 3.0, 1.4, 2.0, 5.0, 100.0] {
         for speed in [-1.0, -0.1, 0.1, 1.0] {
-            let free = [-GRAVITY * STEP * STEP, speed * STEP, 0.0];
-            let rod = problem(W.clone(), &free, vec![Coulomb { friction }.into()]);
+            let rod = painleve_rod(friction, speed);
             let (lambda, delta, report) = solve(&rod, &tight());
             assert_eq!(report.status, SolveStatus::Solved, "friction {friction}, speed {speed}: {report:?}");
             assert!(delta[0] >= -1e-12 * STEP && lambda[0] >= 0.0);

@@ -30,10 +30,16 @@ fn filling_and_solving_allocate_nothing() {
     assert!(violation_count() > 0);
     reset_violation_count();
 
-    for config in configs {
-        let solver = Solver::GaussSeidel(config);
+    let swept = configs.map(Solver::GaussSeidel);
+    // Clarabel keeps its own memory; the automatic choice comes to it only where all else has failed.
+    let named =
+        Solver::NAMES.iter().filter(|name| !name.starts_with("conic")).filter_map(|name| Solver::from_name(name));
+    for solver in swept.into_iter().chain(named) {
+        let few = matches!(solver, Solver::GaussSeidel(config) if config.max_sweeps == 3);
         let mut ws: SolverWorkspace = solver.workspace(90);
         let (mut solved, mut swept) = (0, 0);
+        // Matrix products of faer keep packing memory for each thread, made at their first use.
+        solver.solve(&source.view(), &mut lambda, &mut ws);
         assert_no_alloc(|| {
             for contacts in [1_usize, 30, 7, 30, 0, 12] {
                 let rows = 3 * contacts;
@@ -53,13 +59,15 @@ fn filling_and_solving_allocate_nothing() {
             assert!(problem.reset(91).is_err());
             assert!(problem.reset(1).is_ok());
             problem.push_block(Signorini.into());
-            let SolverWorkspace::GaussSeidel(ws) = &mut ws else { return };
-            assert!(gauss_seidel::prepare(&problem.view(), &mut lambda[..1], ws).is_ok());
-            assert!(gauss_seidel::sweep(&problem.view(), &mut lambda[..1], 1.0, false, ws));
+            if let SolverWorkspace::GaussSeidel(ws) = &mut ws {
+                assert!(gauss_seidel::prepare(&problem.view(), &mut lambda[..1], ws).is_ok());
+                assert!(gauss_seidel::sweep(&problem.view(), &mut lambda[..1], 1.0, false, ws));
+            }
         });
-        assert_eq!(violation_count(), 0);
+        assert_eq!(violation_count(), 0, "{}", solver.name());
         assert_eq!(swept, 6);
-        // Three damped sweeps solve the empty problem only.
-        assert_eq!(solved, if config.max_sweeps == 3 { 1 } else { 6 });
+        // Three damped sweeps solve the empty problem only; turned polygons do not always settle.
+        let least = if matches!(solver, Solver::Lemke(_)) { 2 } else { 6 };
+        assert!(if few { solved == 1 } else { solved >= least }, "{}: {solved}", solver.name());
     }
 }

@@ -1,10 +1,13 @@
 //! Problems of an independent project: every file is read, and solved or honestly not.
 #![allow(clippy::print_stdout)] // the table and the reason for skipping
 
+use palpate_solver::automatic::AutomaticConfig;
 use palpate_solver::gauss_seidel::{self, GaussSeidelConfig, GaussSeidelWorkspace};
-use palpate_solver::problem_file::siconos;
+use palpate_solver::problem_file::{self, siconos};
 use palpate_solver::report::SolveStatus;
 use palpate_solver::residual;
+use palpate_solver::solver::ConstraintSolver;
+use palpate_solver::watch::Watch;
 use std::path::PathBuf;
 
 /// The folder of shared problems, or a printed reason.
@@ -117,4 +120,38 @@ fn symmetric_complementarity_files_are_solved() {
         }
     }
     assert_eq!(solved, 4);
+}
+
+/// Every file has a solution: the automatic choice finds it untold, to its own tolerance and to a tight one.
+#[test]
+fn the_automatic_choice_solves_every_file() {
+    for folder in ["friction", "lcp"] {
+        let Some(folder) = shared(folder) else { return };
+        for path in data_files(&folder) {
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            let problem = problem_file::open(&path).unwrap();
+            for tolerance in [1e-6, 1e-8] {
+                let solver = AutomaticConfig::default().limited(tolerance, None);
+                let mut ws = solver.workspace(problem.rows());
+                let mut lambda = vec![0.0; problem.rows()];
+                let report = solver.solve_watched(&problem.view(), &mut lambda, &mut ws, &mut Watch::none());
+                let judged = residual::evaluate(&problem.view(), &lambda, &mut vec![0.0; problem.rows()]);
+                let by = ws.attempts().iter().map(|attempt| attempt.solver).collect::<Vec<_>>().join(", ");
+                println!("{name:<36} {tolerance:.0e}: {:.1e} by {by}", judged.relative);
+                assert_eq!(report.status, SolveStatus::Solved, "{name}");
+                assert!(judged.relative <= tolerance * (1.0 + 1e-6), "{name}: {}", judged.relative);
+            }
+        }
+    }
+}
+
+#[test]
+fn both_kinds_of_text_are_told_apart() {
+    for (kind, rows) in [("friction", 3), ("lcp", 1)] {
+        let Some(folder) = shared(kind) else { return };
+        for path in data_files(&folder) {
+            let problem = problem_file::open(&path).unwrap();
+            assert!(problem.blocks().iter().all(|block| block.law.rows() == rows), "{}", path.display());
+        }
+    }
 }

@@ -1,5 +1,6 @@
 //! One file per command.
 
+pub(crate) mod chart;
 pub(crate) mod check;
 pub(crate) mod equilibrium;
 pub(crate) mod mesh;
@@ -8,7 +9,10 @@ pub(crate) mod run;
 pub(crate) mod scenes;
 pub(crate) mod solve;
 
-use miette::{Diagnostic, LabeledSpan, NamedSource, Report};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use miette::{Diagnostic, IntoDiagnostic, LabeledSpan, NamedSource, Report, Result, WrapErr};
 use palpate::scene::{InvalidScene, SceneError};
 
 /// A scene error with the place in the file, for miette to show.
@@ -44,4 +48,18 @@ pub(crate) fn report(error: SceneError) -> Report {
         }
         other => Report::msg(other.to_string()),
     }
+}
+
+/// A flag that Ctrl-C sets; a second Ctrl-C ends the program at once.
+pub(crate) fn stop_on_interrupt() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let asked = Arc::clone(&stop);
+    ctrlc::set_handler(move || {
+        if asked.swap(true, Ordering::SeqCst) {
+            std::process::exit(i32::from(crate::exit::INTERRUPTED));
+        }
+    })
+    .into_diagnostic()
+    .wrap_err("Ctrl-C cannot be watched")?;
+    Ok(stop)
 }

@@ -1,10 +1,8 @@
 //! `palpate run`.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
-use miette::{IntoDiagnostic, Report, Result, WrapErr, miette};
+use miette::{IntoDiagnostic, Report, Result, miette};
 use palpate::export::write_state;
 use palpate::run::{Length, Observer, Progress, RunOptions, RunOutcome, run as run_scene};
 use palpate::scene::Scene;
@@ -32,7 +30,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<u8> {
     for warning in world.warnings().iter().chain(&untraced) {
         eprintln!("warning: {warning}");
     }
-    let stop = stop_on_interrupt()?;
+    let stop = super::stop_on_interrupt()?;
     let options = RunOptions {
         length: match (arguments.steps, arguments.seconds) {
             (Some(steps), _) => Length::Steps(steps),
@@ -93,20 +91,6 @@ fn inputs(arguments: &RunArguments, scene: &Scene) -> Vec<PathBuf> {
         .into_iter()
         .flatten()
         .collect()
-}
-
-/// A flag that Ctrl-C sets; a second Ctrl-C ends the program at once.
-fn stop_on_interrupt() -> Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let asked = Arc::clone(&stop);
-    ctrlc::set_handler(move || {
-        if asked.swap(true, Ordering::SeqCst) {
-            std::process::exit(i32::from(exit::INTERRUPTED));
-        }
-    })
-    .into_diagnostic()
-    .wrap_err("Ctrl-C cannot be watched")?;
-    Ok(stop)
 }
 
 /// Writes table, picture and end state; what cannot be written is told in `lost`, for the run itself is not.

@@ -43,6 +43,7 @@ pub(crate) fn solve(arguments: &SolveArguments) -> Result<u8> {
             let (blocks, rows) = (problem.blocks().len(), problem.rows());
             say(format_args!("{}: {blocks} blocks, {rows} rows", file.display()))?;
             say(solver_table::runs(&runs))?;
+            runs.iter().filter_map(solver_table::attempts).try_for_each(say)?;
         }
         if let Some(out) = &arguments.out {
             write(out, problem, &runs)?;

@@ -1,16 +1,20 @@
 //! Averaged dilatation: linear tetrahedra without volumetric locking.
 //!
-//! A law is split into `Ψ(F) = rest(F) + U(J)` ([`Law::without_bulk`]), and `U` sees the mean volume ratio of a group of
-//! elements instead of each element's own. With element volumes `v_e` (m³, of the deformed element), rest volumes `V_e` and
-//! shares `w_ge`, `Σ_g w_ge = 1`,
+//! A law is split into `Ψ(F) = rest(F) + U(J)` ([`without_bulk`]), and `U` sees the mean volume ratio of a group of
+//! elements instead of each element's own. With element volumes `v_e` (m³, of the deformed element), rest volumes `V_e`
+//! and shares `w_ge`, `Σ_g w_ge = 1`,
 //! ```text
 //! E = Σ_e V_e rest(F_e) + Σ_g V_g U(J_g),      V_g = Σ_e w_ge V_e,   J_g = Σ_e w_ge v_e / V_g
 //! f_i = -Σ_e (V_e ∂rest/∂q_i + p_e ∂v_e/∂q_i),                       p_e = Σ_g w_ge U'(J_g)
 //! K_ij = Σ_e (V_e ∂²rest/∂q_i∂q_j + p_e ∂²v_e/∂q_i∂q_j) + Σ_g U''(J_g) / V_g a_gi a_gjᵀ,   a_gi = Σ_e w_ge ∂v_e/∂q_i
 //! ```
 //! Forces and tangent are derivatives of one energy; the tangent is symmetric, and uniform strain is exact. The element
-//! part is an ordinary element under the pressure `p_e` ([`Law::element_under_pressure`]); the filter treats it as such and
-//! drops groups with `U'' < 0`. The group part couples all nodes of a group.
+//! part is an ordinary element under the pressure `p_e` ([`element_under_pressure`]); the filter treats it as such and
+//! drops groups with `U'' < 0`. The group part couples all nodes of a group. How elements are grouped, and why:
+//! [`Grouping`].
+//!
+//! [`without_bulk`]: crate::material::Law::without_bulk
+//! [`element_under_pressure`]: crate::material::Law::element_under_pressure
 
 #![allow(non_snake_case)]
 
@@ -21,8 +25,6 @@ use rayon::prelude::*;
 
 pub use self::groups::Grouping;
 pub(crate) use self::groups::Groups;
-#[allow(unused_imports)] // named in the documentation
-use crate::material::Law;
 use crate::{
     assembly::ScatterLists,
     element::Tetrahedron,

@@ -131,8 +131,8 @@ impl QuadraticTetrahedron {
         let x = nodes.map(|i| q_rest[i as usize]);
         for (&(a, b), k) in EDGES.iter().zip(4..) {
             let offset = (x[k] - (x[a] + x[b]) * 0.5).norm() / (x[b] - x[a]).norm();
-            // Not `>`: an edge without length has no middle either.
-            if !(offset <= MOST_OFFSET) {
+            // An edge without length has no middle.
+            if offset > MOST_OFFSET || offset.is_nan() {
                 return Err(MidNodeError::Offset { node: nodes[k], ends: [nodes[a], nodes[b]], offset });
             }
         }

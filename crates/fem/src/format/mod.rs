@@ -3,8 +3,8 @@
 //! Read: Gmsh MSH 1, 2.2 and 4.1 (text and binary), VTK legacy 1 to 5.1 (text and binary), VTU (text, base64, raw,
 //! zlib), MEDIT `.mesh` (text), TetGen `.node` with `.ele`. Written: VTU and MSH 2.2 (text).
 //!
-//! Only linear tetrahedra become elements. Points, lines and triangles beside them are left out, but their groups
-//! become node sets; other solid cells are refused. Regions come from physical groups (Gmsh), references (MEDIT),
+//! Linear tetrahedra become elements, and from Gmsh's and VTK's formats quadratic ones (10 nodes), not both in one file.
+//! Points, lines and triangles beside them are left out, but their groups become node sets; other solid cells are refused. Regions come from physical groups (Gmsh), references (MEDIT),
 //! the first attribute (TetGen) or an array of whole numbers per cell with one of the usual names (VTK); a number
 //! without a name becomes "region_N", and a file without regions has one called "body".
 //!

@@ -65,20 +65,22 @@ pub struct ExplicitReport {
 /// Why a body cannot be integrated explicitly.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum ExplicitError {
-    /// The step is above the critical one.
+    /// The substeps are above the critical step.
     #[error(
-        "an explicit step of {dt:.4e} s is above the critical one of {critical:.4e} s (largest frequency {omega:.4e} rad/s): \
-         use at least {substeps} substeps, or an implicit integrator"
+        "{substeps} explicit substeps of {dt:.4e} s are above the critical step of {critical:.4e} s (largest frequency \
+         {omega:.4e} rad/s): use at least {needed}, or an implicit integrator"
     )]
     Unstable {
-        /// The step (s).
+        /// Substeps that were asked for.
+        substeps: u32,
+        /// Length of one (s).
         dt: f64,
         /// The critical step (s).
         critical: f64,
         /// Upper bound of the largest frequency (rad/s).
         omega: f64,
-        /// Substeps into which the step must be cut.
-        substeps: u32,
+        /// Substeps that are needed.
+        needed: u32,
     },
     /// A free node without mass.
     #[error(
@@ -99,16 +101,17 @@ pub fn check_mass(model: &FemModel) -> Result<(), ExplicitError> {
     model.node_of_free().iter().find(massless).map_or(Ok(()), |&node| Err(ExplicitError::Massless { node }))
 }
 
-/// Refuses a step `dt` (s) above the critical one.
+/// Refuses a step `dt` (s) in so many substeps, if these are above the critical step.
 ///
 /// # Errors
 /// [`ExplicitError::Unstable`] with the substeps that are needed.
-pub fn check_step(dt: f64, critical: &CriticalStep) -> Result<(), ExplicitError> {
-    if dt <= critical.step {
+pub fn check_step(dt: f64, substeps: u32, critical: &CriticalStep) -> Result<(), ExplicitError> {
+    let substep = dt / f64::from(substeps);
+    if substep <= critical.step {
         return Ok(());
     }
-    let substeps = critical.substeps(dt, 1.0);
-    Err(ExplicitError::Unstable { dt, critical: critical.step, omega: critical.upper, substeps })
+    let needed = critical.substeps(dt, 1.0);
+    Err(ExplicitError::Unstable { substeps, dt: substep, critical: critical.step, omega: critical.upper, needed })
 }
 
 /// One step `dt` (s) of central differences. `f_ext` is one force per mesh node (N), or empty. Allocates nothing.

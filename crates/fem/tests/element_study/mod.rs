@@ -213,7 +213,7 @@ pub(crate) fn pressures(model: &FemModel, u: &[Vector3<f64>], lambda: f64) -> Ve
     // J is linear in u near rest: a small multiple keeps it so, and loses half of the digits.
     let small = 1e-6;
     let q = model.q_rest().iter().zip(u).map(|(x, u)| x + u * small).collect();
-    let state = FemState { q, v: vec![Vector3::zeros(); u.len()] };
+    let state = FemState { q, v: vec![Vector3::zeros(); u.len()], memory: Vec::new() };
     volume_ratios(model, &state).iter().map(|J| lambda * (J - 1.0) / small).collect()
 }
 

@@ -6,7 +6,7 @@ use palpate_collision::detection::ContactKind;
 use palpate_collision::shape::ToolShape;
 use palpate_constraints::compliance::ComplianceMethod;
 use palpate_fem::element::ElementKind;
-use palpate_fem::material::Material;
+use palpate_fem::material::{Material, PronyTerm};
 use palpate_haptics::coupling::CouplingConfig;
 use palpate_haptics::device::VirtualDeviceConfig;
 use palpate_haptics::limits::LimitsConfig;
@@ -119,11 +119,11 @@ pub struct BodyDescription {
     /// Rayleigh damping proportional to stiffness (s).
     #[serde(default)]
     pub rayleigh_stiffness: f64,
-    /// Law of all regions that `regions` does not name.
-    pub material: Material,
-    /// Laws of named regions.
+    /// Tissue of all regions that `regions` does not name.
+    pub material: TissueDescription,
+    /// Tissue of named regions.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub regions: BTreeMap<String, Material>,
+    pub regions: BTreeMap<String, TissueDescription>,
     /// Nodes that never move.
     #[serde(default)]
     pub fixed: Vec<NodeSelection>,
@@ -133,6 +133,9 @@ pub struct BodyDescription {
     /// Projects element tangents to be positive semidefinite.
     #[serde(default = "yes")]
     pub definiteness_filter: bool,
+    /// Shortens motions that would raise the energy of crushed or inverted tissue; off for maps of limits.
+    #[serde(default = "yes")]
+    pub guard: bool,
     /// Where the compliance of the contacts comes from.
     #[serde(default)]
     pub compliance: ComplianceMethod,
@@ -151,6 +154,25 @@ pub struct BodyDescription {
     /// Largest number of conjugate-gradient iterations in one step.
     #[serde(default = "free_motion_iterations")]
     pub max_iterations: usize,
+}
+
+/// A law with its parameters and, if wished, viscosity: `{ law = "ogden", young = 5e3, poisson = 0.45, viscosity = [...] }`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TissueDescription {
+    /// The law.
+    #[serde(flatten)]
+    pub law: Material,
+    /// Prony series, `[{ modulus = 0.235, time = 0.27 }, ...]`: the shares of the law's shear modulus that relax, and their
+    /// times (s). Empty: elastic.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub viscosity: Vec<PronyTerm>,
+}
+
+impl From<Material> for TissueDescription {
+    /// The law without viscosity.
+    fn from(law: Material) -> Self {
+        Self { law, viscosity: Vec::new() }
+    }
 }
 
 fn one() -> f64 {

@@ -12,9 +12,12 @@ pub use bundled::{BUNDLED_SCENES, BundledScene};
 pub(crate) use check::MOST_SUBSTEPS;
 pub use description::{
     Axis, BodyDescription, ContactDescription, DeviceDescription, ExplicitDescription, HandDescription, IntegratorKind,
-    NewtonDescription, NodeSelection, Plane, RatesDescription, SceneDescription, SolverDescription, ToolDescription,
+    NewtonDescription, NodeSelection, Plane, RatesDescription, SceneDescription, SolverDescription, TissueDescription,
+    ToolDescription,
 };
 pub use error::{InvalidScene, SceneError};
+
+use palpate_fem::mesh::TetMesh;
 
 use crate::world::World;
 use parse::Source;
@@ -198,6 +201,15 @@ impl Scene {
     /// Mesh, image or material trouble, an empty selection of fixed nodes, a tool that starts inside the body.
     pub fn build(&self) -> Result<World, SceneError> {
         crate::world::build(self)
+    }
+
+    /// As [`Scene::build`], with the body's tetrahedra given in place of the scene's own `mesh`, `image` or `block`: for
+    /// programs that make their own. A trace of such a run does not hold what a replay needs.
+    ///
+    /// # Errors
+    /// As [`Scene::build`].
+    pub fn build_on(&self, mesh: TetMesh) -> Result<World, SceneError> {
+        crate::world::build_on(self, mesh)
     }
 
     /// The bytes of a file that the scene names, and its path for messages.

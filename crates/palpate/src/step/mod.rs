@@ -9,13 +9,15 @@
 //! v+ = v + dv + h A⁻¹ Hᵀ lambda, q+ = q + h v+
 //! ```
 //!
-//! By Newton's method the free motion is that of [`palpate_fem::integrator::newton`], and `A` that of its end. Explicitly,
+//! By Newton's method motion and forces are repeated until the nonlinear balance holds, and `A` is that of its end. Explicitly,
 //! the whole step is repeated in substeps with `A` the lumped mass; the tick then gets the compliance of a substep, which
 //! is that of the touched nodes alone and stiffer than the tissue's.
 //!
 //! Contacts are found at the configuration of the step's begin, where the last correction left the skin outside the
 //! tool; `q_free` would show the tool deep in tissue that has already sprung back.
 
+mod guard;
+mod newton;
 mod report;
 mod stages;
 mod workspace;
@@ -26,6 +28,8 @@ use nalgebra::{Isometry3, Vector3};
 use palpate_fem::assembly::assemble;
 use palpate_haptics::snapshot::HapticSnapshot;
 
+use self::guard::guard;
+use self::newton::newton_with_contact;
 use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
 
@@ -62,14 +66,13 @@ pub fn step(
             report.assembly = assemble(world.model(), &state.fem, world.dt(), &[], &mut ws.fem);
             report.times.assembly = clock.lap();
             stages::free_motion(world, input.factor, state, ws, &mut report);
+            guard(world, state, ws, &mut report);
             report.times.free_motion = clock.lap();
             contact(world, &input.tool, input.factor, state, ws, &mut report, &mut clock);
         }
         Integration::Newton(config) => {
-            stages::newton_motion(world, config, ws, state, &mut report);
             report.factor_age = 0.0;
-            report.times.free_motion = clock.lap();
-            contact(world, &input.tool, input.factor, state, ws, &mut report, &mut clock);
+            newton_with_contact(world, config, input, state, ws, &mut report, &mut clock);
         }
         Integration::Explicit { substeps, .. } => {
             report.factor_age = 0.0;

@@ -83,7 +83,7 @@ pub struct StepReport {
     /// Linear solves of the free motion: conjugate gradients, or Newton's iterations with the residual that they leave.
     /// None for explicit substeps.
     pub free_motion: PcgReport,
-    /// Halvings by the line search of Newton's method.
+    /// Halvings of the motion: by the guard of the linearised step, or by the line search of Newton's method.
     pub cuts: u32,
     /// Contacts found, merged, dropped.
     pub detection: DetectionReport,

@@ -6,11 +6,11 @@ use palpate_collision::detection::detect;
 use palpate_constraints::compliance::{self, ComplianceMethod, WarpedInverse};
 use palpate_constraints::law::{Coulomb, Law, Signorini};
 use palpate_constraints::rows::{ContactRows, RowInput, ToolMotion, build_fixed_rows, build_rows};
+use palpate_fem::assembly::advance_memory;
 use palpate_fem::factor::{Factor, FactorStatus};
-use palpate_fem::integrator::backward_euler::{factor_end, newton_step};
+use palpate_fem::integrator::backward_euler::factor_end;
 use palpate_fem::integrator::explicit::explicit_velocity;
-use palpate_fem::integrator::newton::{NewtonConfig, NewtonStatus};
-use palpate_fem::pcg::{PcgConfig, PcgReport, PcgStatus, pcg};
+use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
 use palpate_fem::preconditioner::WarpedPreconditioner;
 use palpate_fem::rotation::nodal_rotations;
 use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
@@ -19,7 +19,7 @@ use palpate_solver::report::{SolveReport, SolveStatus};
 use super::workspace::NewtonStage;
 use super::{FailedElement, StepInput, StepReport, StepState, StepStatus, StepWorkspace};
 use crate::refresh::FactorSample;
-use crate::world::World;
+use crate::world::{Integration, World};
 
 /// How far (m) a contact may slide from a remembered force and still start from it: a few tool motions of one step.
 const WARM_START_RADIUS: f64 = 5e-3;
@@ -43,36 +43,6 @@ pub(super) fn free_motion(
     for (dv, &node) in ws.v_free.chunks_exact_mut(3).zip(world.model().node_of_free()) {
         let v = &state.fem.v[node as usize];
         (0..3).for_each(|c| dv[c] += v[c]);
-    }
-}
-
-/// The free motion by Newton's method, from the state at the begin of the step, which stays.
-pub(super) fn newton_motion(
-    world: &World,
-    config: &NewtonConfig,
-    ws: &mut StepWorkspace,
-    state: &StepState,
-    report: &mut StepReport,
-) {
-    let Some(stage) = &mut ws.newton else { return };
-    stage.free.q.copy_from_slice(&state.fem.q);
-    stage.free.v.copy_from_slice(&state.fem.v);
-    stage.factored = false;
-    let newton = newton_step(world.model(), ws.dt, &[], config, &mut stage.free, &mut stage.ws);
-    report.assembly = newton.assembly;
-    report.cuts = newton.cuts;
-    report.free_motion = PcgReport {
-        status: match newton.status {
-            NewtonStatus::Converged => PcgStatus::Converged,
-            NewtonStatus::OutOfIterations | NewtonStatus::Stalled => PcgStatus::OutOfIterations,
-            NewtonStatus::Singular => PcgStatus::Indefinite,
-            NewtonStatus::NonFinite => PcgStatus::NonFinite,
-        },
-        iterations: newton.iterations as usize,
-        relative_residual: newton.relative_residual,
-    };
-    for (v, &node) in ws.v_free.chunks_exact_mut(3).zip(world.model().node_of_free()) {
-        v.copy_from_slice(stage.free.v[node as usize].as_slice());
     }
 }
 
@@ -187,9 +157,14 @@ fn inverse<'a>(
     }
 }
 
-/// `h A⁻¹ Hᵀ lambda` into `ws.correction`, with the inverse that gave `W`; false where that cannot be.
+/// `h A⁻¹ Hᵀ lambda` into `ws.correction`, with the inverse that gave `W`, for the part of `lambda` that the free motion
+/// does not carry already; false where that cannot be.
 fn correction(factor: &FactorSample, ws: &mut StepWorkspace) -> bool {
-    let lambda = &ws.lambda[..ws.rows.len()];
+    if let Some(newton) = &mut ws.newton {
+        newton.carried.iter_mut().zip(&ws.lambda).for_each(|(carried, lambda)| *carried = lambda - *carried);
+    }
+    let lambda = ws.newton.as_ref().map_or(&ws.lambda, |newton| &newton.carried);
+    let lambda = &lambda[..ws.rows.len()];
     match &mut ws.explicit {
         Some(explicit) => {
             let inverse = WarpedInverse { inverse: &explicit.inverse, rotations: None };
@@ -263,7 +238,8 @@ fn failed_element(world: &World, state: &StepState, known: Option<u32>) -> Optio
         let strays =
             nodes.iter().copied().zip(velocities().map(far)).map(|(n, d)| (n, if d.is_nan() { 0.0 } else { d }));
         let (node, _) = strays.reduce(|a, b| if b.1 > a.1 { b } else { a })?;
-        mesh.tetrahedra.iter().position(|t| t.contains(&node)).map(|t| t as u32)
+        let corner = mesh.tetrahedra.iter().position(|t| t.contains(&node));
+        corner.or_else(|| mesh.mid_nodes.iter().position(|t| t.contains(&node))).map(|t| t as u32)
     };
     let tetrahedron = known.filter(|&t| (t as usize) < mesh.tetrahedra.len()).or_else(astray)?;
     Some(FailedElement { tetrahedron, region: mesh.regions.get(tetrahedron as usize).copied().unwrap_or(0) })
@@ -292,6 +268,11 @@ pub(super) fn correct(
     if touched && !correction(factor, ws) {
         ws.correction.fill(f64::NAN);
     }
+    // Explicit forces are those of a step that ended where this one begins.
+    let explicit = matches!(world.integration(), Integration::Explicit { .. });
+    if explicit {
+        advance_memory(world.model(), &mut state.fem, h);
+    }
     for (k, &node) in world.model().node_of_free().iter().enumerate() {
         let mut v = Vector3::new(ws.v_free[3 * k], ws.v_free[3 * k + 1], ws.v_free[3 * k + 2]);
         if touched {
@@ -307,6 +288,10 @@ pub(super) fn correct(
         state.roll_back();
         report.status = StepStatus::RolledBack;
         (report.force, report.torque) = (Vector3::zeros(), Vector3::zeros());
+        return;
+    }
+    if !explicit {
+        advance_memory(world.model(), &mut state.fem, h);
     }
 }
 

@@ -9,7 +9,7 @@ use palpate_constraints::lumped::LumpedInverse;
 use palpate_constraints::rows::ContactRows;
 use palpate_constraints::warm_start::WarmStart;
 use palpate_fem::assembly::FemWorkspace;
-use palpate_fem::factor::{Factor, ReachWorkspace, SolveWorkspace};
+use palpate_fem::factor::{Factor, ReachWorkspace, SolveWorkspace, SymbolicFactor};
 use palpate_fem::integrator::explicit::ExplicitWorkspace;
 use palpate_fem::integrator::newton::ImplicitWorkspace;
 use palpate_fem::model::{FemModel, FemState};
@@ -70,11 +70,13 @@ impl StepState {
     pub(super) fn remember(&mut self) {
         self.before.q.copy_from_slice(&self.fem.q);
         self.before.v.copy_from_slice(&self.fem.v);
+        self.before.memory.copy_from_slice(&self.fem.memory);
     }
 
     /// Puts the body back to the state before the step, at rest.
     pub(super) fn roll_back(&mut self) {
         self.fem.q.copy_from_slice(&self.before.q);
+        self.fem.memory.copy_from_slice(&self.before.memory);
         self.fem.v.fill(Vector3::zeros());
         self.warm_start.clear();
     }
@@ -87,6 +89,24 @@ pub(super) struct NewtonStage {
     pub(super) free: FemState,
     /// Whether the factor of the end of the free motion serves this step.
     pub(super) factored: bool,
+    /// Contact forces that the motion already carries (N), one per row.
+    pub(super) carried: Vec<f64>,
+    /// The same on the free nodes, and on all nodes of the mesh.
+    pub(super) free_load: Vec<f64>,
+    pub(super) load: Vec<Vector3<f64>>,
+}
+
+impl NewtonStage {
+    fn new(model: &FemModel, symbolic: &Arc<SymbolicFactor>, rows: usize) -> Self {
+        Self {
+            ws: ImplicitWorkspace::new(model, symbolic),
+            free: model.rest_state(),
+            factored: false,
+            carried: vec![0.0; rows],
+            free_load: vec![0.0; 3 * model.free_nodes()],
+            load: vec![Vector3::zeros(); model.nodes()],
+        }
+    }
 }
 
 /// Scratch of explicit substeps.
@@ -139,6 +159,8 @@ pub struct StepWorkspace {
     pub(super) explicit: Option<ExplicitStage>,
     /// The step that the stages take: the scene's, or a substep of it (s).
     pub(super) dt: f64,
+    /// Configurations that the guard tries.
+    pub(super) trial: FemState,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
 }
@@ -172,8 +194,7 @@ impl StepWorkspace {
         match *world.integration() {
             Integration::BackwardEuler => {}
             Integration::Newton(_) => {
-                let ws = ImplicitWorkspace::new(model, symbolic);
-                newton = Some(NewtonStage { ws, free: model.rest_state(), factored: false });
+                newton = Some(NewtonStage::new(model, symbolic, rows));
             }
             Integration::Explicit { dt: substep, .. } => {
                 explicit = Some(ExplicitStage::new(model, substep, rows));
@@ -184,6 +205,7 @@ impl StepWorkspace {
             newton,
             explicit,
             dt,
+            trial: model.rest_state(),
             fem: FemWorkspace::new(model),
             rotations: vec![Matrix3::identity(); free],
             pcg: PcgWorkspace::new(free),

@@ -26,8 +26,9 @@ pub(super) fn with_nodes_for(element: ElementKind, mesh: TetMesh, warnings: &mut
 /// Warnings of materials whose Poisson's ratio is too high for the elements, each with the remedy.
 pub(super) fn locking(body: &BodyDescription, mesh: &TetMesh) -> Vec<String> {
     let unnamed = mesh.region_names.iter().any(|name| !body.regions.contains_key(name));
-    let whole = unnamed.then_some(("the body", &body.material));
-    let places: BTreeMap<_, _> = whole.into_iter().chain(body.regions.iter().map(|(n, m)| (n.as_str(), m))).collect();
+    let whole = unnamed.then_some(("the body", &body.material.law));
+    let places: BTreeMap<_, _> =
+        whole.into_iter().chain(body.regions.iter().map(|(n, tissue)| (n.as_str(), &tissue.law))).collect();
     places.into_iter().filter_map(|(place, material)| warning(body.element, place, material)).collect()
 }
 

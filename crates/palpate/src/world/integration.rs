@@ -60,7 +60,7 @@ impl Integration {
                 }
                 let sub = dt / f64::from(substeps);
                 if !explicit.allow_unstable {
-                    check_step(sub, &critical).map_err(|e| {
+                    check_step(dt, substeps, &critical).map_err(|e| {
                         let needed = critical.substeps(dt, 1.0);
                         let remedy = format!("set explicit = {{ substeps = {needed} }} or more, or leave it out");
                         scene.at("body.0.explicit.substeps", e.to_string(), remedy)

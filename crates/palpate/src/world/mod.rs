@@ -167,7 +167,14 @@ impl World {
 }
 
 fn material_of(body: &crate::scene::BodyDescription, region: &str) -> String {
-    one_line(body.regions.get(region).unwrap_or(&body.material))
+    let tissue = body.regions.get(region).unwrap_or(&body.material);
+    let mut text = one_line(&tissue.law);
+    for (k, term) in tissue.viscosity.iter().enumerate() {
+        let lead = if k == 0 { "; of the shear modulus relax" } else { "," };
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{lead} {:.1} % in {} s", 100.0 * term.modulus, term.time);
+    }
+    text
 }
 
 /// A value as a scene file would say it, on one line.
@@ -190,6 +197,11 @@ pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
     })
 }
 
+/// Builds the world of a checked scene on tetrahedra of the caller.
+pub(crate) fn build_on(scene: &Scene, mesh: TetMesh) -> Result<World, SceneError> {
+    assemble(scene, mesh, Vec::new())
+}
+
 fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<World, SceneError> {
     let description = scene.description();
     let body = &description.bodies[0];
@@ -209,8 +221,10 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     warnings.extend(locking(body, &mesh));
     let config = FemConfig {
         element: body.element,
-        material: body.material,
-        region_materials: body.regions.clone(),
+        material: body.material.law,
+        viscosity: body.material.viscosity.clone(),
+        region_materials: body.regions.iter().map(|(name, tissue)| (name.clone(), tissue.law)).collect(),
+        region_viscosities: body.regions.iter().map(|(name, t)| (name.clone(), t.viscosity.clone())).collect(),
         density: body.density,
         total_mass: body.total_mass,
         rayleigh_mass: body.rayleigh_mass,

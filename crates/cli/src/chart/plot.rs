@@ -1,0 +1,313 @@
+//! Charts as SVG: panels side by side, series as lines or marks, one legend for all.
+
+use std::error::Error;
+use std::path::Path;
+
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
+use plotters::element::DashedPathElement;
+use plotters::prelude::*;
+
+/// Width of the legend (pixels).
+const LEGEND: u32 = 250;
+
+/// Distinguishable also without red or green (Okabe and Ito 2008), then grey.
+const COLORS: [RGBColor; 8] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(0, 0, 0),
+    RGBColor(130, 130, 130),
+];
+
+/// How a series is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Mark {
+    /// A line.
+    Line,
+    /// A dashed line: a bound, a theory.
+    Dashed,
+    /// A mark for each point, joined by a thin line.
+    Joined,
+    /// A mark for each point.
+    Points,
+}
+
+/// Named points.
+#[derive(Clone, Debug)]
+pub(crate) struct Series {
+    /// Name in the legend; series of one name in several panels look the same.
+    pub(crate) name: String,
+    /// How it is drawn.
+    pub(crate) mark: Mark,
+    /// Points (x, y); those that a logarithmic axis cannot show are left out.
+    pub(crate) points: Vec<(f64, f64)>,
+}
+
+/// An axis.
+#[derive(Clone, Debug)]
+pub(crate) struct Axis {
+    /// What it shows, with its unit.
+    pub(crate) label: String,
+    /// Logarithmic.
+    pub(crate) log: bool,
+}
+
+impl Axis {
+    /// A logarithmic axis.
+    pub(crate) fn log(label: &str) -> Self {
+        Self { label: label.into(), log: true }
+    }
+
+    /// A linear axis.
+    pub(crate) fn linear(label: &str) -> Self {
+        Self { label: label.into(), log: false }
+    }
+}
+
+/// One coordinate system.
+#[derive(Clone, Debug)]
+pub(crate) struct Panel {
+    /// Above the panel.
+    pub(crate) title: String,
+    /// Horizontal axis.
+    pub(crate) x: Axis,
+    /// Vertical axis.
+    pub(crate) y: Axis,
+    /// What it shows.
+    pub(crate) series: Vec<Series>,
+}
+
+impl Panel {
+    fn shows(&self, p: &(f64, f64)) -> bool {
+        let fits = |v: f64, axis: &Axis| v.is_finite() && (!axis.log || v > 0.0);
+        fits(p.0, &self.x) && fits(p.1, &self.y)
+    }
+
+    /// Limits of an axis over all points that it can show, with room; of something where there is no point.
+    fn limits(&self, value: impl Fn(&(f64, f64)) -> f64, log: bool) -> (f64, f64) {
+        let points = self.series.iter().flat_map(|s| &s.points).filter(|p| self.shows(p));
+        let (low, high) = points.map(value).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        match (low <= high, log) {
+            (false, true) => (1e-3, 1.0),
+            (false, false) => (0.0, 1.0),
+            (true, true) => (low / 1.3, high * 1.3),
+            (true, false) => {
+                let room = 0.06 * (high - low).max(1e-9 * high.abs()).max(f64::MIN_POSITIVE);
+                (low - room, high + room)
+            }
+        }
+    }
+}
+
+/// How panels lie on the sheet.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Layout {
+    /// Panels beside one another, at most.
+    pub(crate) columns: usize,
+    /// Width and height of a panel with its labels (pixels).
+    pub(crate) panel: (u32, u32),
+}
+
+impl Layout {
+    /// Panels of a chart, so many beside one another.
+    pub(crate) fn columns(columns: usize) -> Self {
+        Self { columns, panel: (470, 430) }
+    }
+}
+
+/// Draws panels row by row, and one legend for all beside them.
+pub(crate) fn draw(path: &Path, title: &str, panels: &[Panel], layout: Layout) -> Result<(), Box<dyn Error>> {
+    let columns = layout.columns.clamp(1, panels.len().max(1));
+    let rows = panels.len().div_ceil(columns).max(1);
+    let mut names: Vec<(&str, Mark)> = Vec::new();
+    for series in panels.iter().flat_map(|p| &p.series) {
+        if names.iter().all(|(name, _)| *name != series.name) {
+            names.push((&series.name, series.mark));
+        }
+    }
+    let width = layout.panel.0 * columns as u32;
+    // A short sheet must still hold its legend.
+    let height = (layout.panel.1 * rows as u32 + 40).max(70 + 22 * names.len() as u32);
+    let root = SVGBackend::new(path, (width + LEGEND, height)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let root = root.titled(title, ("sans-serif", 20))?;
+    let (left, right) = root.split_horizontally(width);
+    for (panel, area) in panels.iter().zip(left.split_evenly((rows, columns))) {
+        draw_panel(&area, panel, &names)?;
+    }
+    for (k, &(name, mark)) in names.iter().enumerate() {
+        let y = 30 + 22 * k as i32;
+        let style = Style::of(k);
+        if mark != Mark::Points {
+            stroke(&right, mark, style.color, &[(10, y), (40, y)])?;
+        }
+        if matches!(mark, Mark::Points | Mark::Joined) {
+            style.draw(&right, (25, y))?;
+        }
+        right.draw(&Text::new(name.to_string(), (48, y - 7), ("sans-serif", 13)))?;
+    }
+    root.present()?;
+    Ok(())
+}
+
+fn draw_panel(
+    area: &DrawingArea<SVGBackend<'_>, Shift>,
+    panel: &Panel,
+    names: &[(&str, Mark)],
+) -> Result<(), Box<dyn Error>> {
+    let (x, y) = (panel.limits(|p| p.0, panel.x.log), panel.limits(|p| p.1, panel.y.log));
+    match (panel.x.log, panel.y.log) {
+        (true, true) => on(area, panel, names, (x.0..x.1).log_scale(), (y.0..y.1).log_scale()),
+        (true, false) => on(area, panel, names, (x.0..x.1).log_scale(), linear(y)),
+        (false, true) => on(area, panel, names, linear(x), (y.0..y.1).log_scale()),
+        (false, false) => on(area, panel, names, linear(x), linear(y)),
+    }
+}
+
+fn linear((from, to): (f64, f64)) -> std::ops::Range<f64> {
+    from..to
+}
+
+fn on<X, Y>(
+    area: &DrawingArea<SVGBackend<'_>, Shift>,
+    panel: &Panel,
+    names: &[(&str, Mark)],
+    x: X,
+    y: Y,
+) -> Result<(), Box<dyn Error>>
+where
+    X: AsRangedCoord<Value = f64>,
+    Y: AsRangedCoord<Value = f64>,
+    X::CoordDescType: ValueFormatter<f64>,
+    Y::CoordDescType: ValueFormatter<f64>,
+{
+    let mut chart = ChartBuilder::on(area);
+    if !panel.title.is_empty() {
+        chart.caption(&panel.title, ("sans-serif", 16));
+    }
+    let mut chart =
+        chart.margin(8).margin_right(16).x_label_area_size(42).y_label_area_size(68).build_cartesian_2d(x, y)?;
+    chart
+        .configure_mesh()
+        .light_line_style(WHITE)
+        .x_desc(&panel.x.label)
+        .y_desc(&panel.y.label)
+        .x_label_formatter(&number)
+        .y_label_formatter(&number)
+        .x_labels(6)
+        .y_labels(8)
+        .label_style(("sans-serif", 12))
+        .axis_desc_style(("sans-serif", 14))
+        .draw()?;
+    for series in &panel.series {
+        let Some(k) = names.iter().position(|(name, _)| *name == series.name) else { continue };
+        let style = Style::of(k);
+        let points: Vec<(f64, f64)> = series.points.iter().copied().filter(|p| panel.shows(p)).collect();
+        match series.mark {
+            Mark::Line => {
+                chart.draw_series(LineSeries::new(points.iter().copied(), style.color.stroke_width(2)))?;
+            }
+            Mark::Dashed => {
+                let line = DashedLineSeries::new(points.iter().copied(), 6, 4, style.color.stroke_width(2));
+                chart.draw_series(line)?;
+            }
+            Mark::Joined => {
+                chart.draw_series(LineSeries::new(points.iter().copied(), style.color.mix(0.5).stroke_width(1)))?;
+            }
+            Mark::Points => {}
+        }
+        if matches!(series.mark, Mark::Points | Mark::Joined) {
+            let area = chart.plotting_area();
+            let (inner, origin) = (area.strip_coord_spec(), area.get_base_pixel());
+            for point in &points {
+                let at = area.map_coordinate(point);
+                style.draw(&inner, (at.0 - origin.0, at.1 - origin.1))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A number as short as it stays readable.
+fn number(v: &f64) -> String {
+    let size = v.abs();
+    if size != 0.0 && !(1e-3..1e5).contains(&size) {
+        format!("{v:.0e}")
+    } else {
+        format!("{}", (v * 1e6).round() / 1e6)
+    }
+}
+
+/// Colour and shape of a series: colours go round first, then shapes.
+#[derive(Clone, Copy)]
+struct Style {
+    color: RGBColor,
+    shape: usize,
+}
+
+impl Style {
+    fn of(k: usize) -> Self {
+        Self { color: COLORS[k % COLORS.len()], shape: (k + k / COLORS.len()) % 4 }
+    }
+
+    fn draw(self, area: &DrawingArea<SVGBackend<'_>, Shift>, (x, y): (i32, i32)) -> Result<(), Box<dyn Error>> {
+        let fill = self.color.filled();
+        match self.shape {
+            0 => area.draw(&Circle::new((x, y), 4, fill))?,
+            1 => area.draw(&TriangleMarker::new((x, y), 6, fill))?,
+            2 => area.draw(&Rectangle::new([(x - 4, y - 4), (x + 4, y + 4)], fill))?,
+            _ => area.draw(&Cross::new((x, y), 4, self.color.stroke_width(2)))?,
+        }
+        Ok(())
+    }
+}
+
+/// A straight piece in the legend.
+fn stroke(
+    area: &DrawingArea<SVGBackend<'_>, Shift>,
+    mark: Mark,
+    color: RGBColor,
+    ends: &[(i32, i32); 2],
+) -> Result<(), Box<dyn Error>> {
+    match mark {
+        Mark::Dashed => area.draw(&DashedPathElement::new(*ends, 6, 4, color.stroke_width(2)))?,
+        Mark::Joined => area.draw(&PathElement::new(*ends, color.mix(0.5).stroke_width(1)))?,
+        _ => area.draw(&PathElement::new(*ends, color.stroke_width(2)))?,
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn panel(log: bool, points: &[(f64, f64)]) -> Panel {
+        let axis = if log { Axis::log("time [s]") } else { Axis::linear("time [s]") };
+        let marks = [Mark::Line, Mark::Dashed, Mark::Joined, Mark::Points];
+        let series = marks.map(|mark| Series { name: format!("{mark:?}"), mark, points: points.to_vec() });
+        Panel { title: "a panel".into(), x: axis.clone(), y: axis, series: series.into() }
+    }
+
+    #[test]
+    fn every_mark_on_every_axis_is_drawn_and_points_that_cannot_be_shown_are_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("chart.svg");
+        let sound = [(1.0, 2.0), (3.0, 1e-4), (100.0, 7.0)];
+        let mut bad = sound.to_vec();
+        bad.extend([(0.0, 1.0), (-1.0, 1.0), (f64::NAN, 1.0), (2.0, f64::INFINITY)]);
+        draw(&path, "a chart", &[panel(true, &sound), panel(true, &[])], Layout::columns(2)).unwrap();
+        let expected = std::fs::read_to_string(&path).unwrap();
+        draw(&path, "a chart", &[panel(true, &bad), panel(true, &[])], Layout::columns(2)).unwrap();
+        let drawn = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(drawn, expected, "a logarithmic axis shows what is positive and finite");
+        for name in ["a chart", "a panel", "time [s]", "Line", "Dashed", "Joined", "Points"] {
+            assert!(drawn.contains(name), "{name}");
+        }
+        draw(&path, "a chart", &[panel(false, &bad), panel(false, &[(1.0, 1.0)])], Layout::columns(1)).unwrap();
+        assert!(!std::fs::read_to_string(&path).unwrap().contains("NaN"));
+    }
+}

@@ -1,0 +1,63 @@
+//! `palpate chart`.
+
+use std::path::Path;
+
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
+
+use crate::arguments::{ChartArguments, ChartName};
+use crate::chart::{Chart, Settings, Work, plot, tissue};
+use crate::exit;
+use crate::output::{check_writable, say};
+
+/// Where reference data lie unless the command line names a folder; measured without them where they do not.
+const REFERENCE: &str = "../shared/reference";
+
+pub(crate) fn chart(arguments: &ChartArguments) -> Result<u8> {
+    let name = arguments.chart.name();
+    std::fs::create_dir_all(&arguments.out)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("--out {}: no such folder, and it cannot be made", arguments.out.display()))?;
+    let picture = arguments.out.join(format!("{name}.svg"));
+    check_writable("--out", &picture)?;
+    let settings = Settings { quick: arguments.quick, data: data(arguments)? };
+    let stop = super::stop_on_interrupt()?;
+    let work = Work::new(stop, arguments.quiet);
+    // One core: what is compared are methods, not machines.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().into_diagnostic()?;
+    let chart = pool.install(|| match arguments.chart {
+        ChartName::Tissue => tissue::measure(&settings, &work),
+    })?;
+    work.finish();
+    let files = write(&chart, &picture, &arguments.out)?;
+    for table in &chart.tables {
+        say(format_args!("{}\n{}\n", table.title, table.table.screen()))?;
+    }
+    chart.notes.iter().try_for_each(|note| say(format_args!("note: {note}")))?;
+    files.iter().try_for_each(|file| say(format_args!("wrote {file}")))?;
+    Ok(if work.stopped() { exit::INTERRUPTED } else { 0 })
+}
+
+/// The folder of reference data: the one that was named must be there.
+fn data(arguments: &ChartArguments) -> Result<Option<std::path::PathBuf>> {
+    match &arguments.data {
+        Some(folder) if !folder.is_dir() => Err(miette!(
+            help = "leave --data out to measure without reference data",
+            "--data {}: no such folder",
+            folder.display()
+        )),
+        Some(folder) => Ok(Some(folder.clone())),
+        None => Ok(Some(Path::new(REFERENCE).to_path_buf()).filter(|folder| folder.is_dir())),
+    }
+}
+
+fn write(chart: &Chart, picture: &Path, out: &Path) -> Result<Vec<String>> {
+    plot::draw(picture, &chart.title, &chart.panels, chart.layout)
+        .map_err(|e| miette!("{}: {e}", picture.display()))?;
+    let mut files = vec![picture.display().to_string()];
+    for table in &chart.tables {
+        let path = out.join(format!("{}.csv", table.file));
+        table.table.write_csv(&path)?;
+        files.push(path.display().to_string());
+    }
+    Ok(files)
+}

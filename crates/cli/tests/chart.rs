@@ -1,0 +1,73 @@
+//! `palpate chart`: the files that it writes, and that the numbers in them say what theory says.
+
+mod program_runs;
+
+use program_runs::Place;
+
+/// A table as rows of (column, value).
+fn table(place: &Place, name: &str) -> Vec<Vec<(String, String)>> {
+    let mut reader = csv::Reader::from_path(place.path(name)).unwrap();
+    let columns: Vec<String> = reader.headers().unwrap().iter().map(String::from).collect();
+    let row = |r: csv::StringRecord| columns.iter().cloned().zip(r.iter().map(String::from)).collect();
+    reader.records().map(|r| row(r.unwrap())).collect()
+}
+
+fn text<'a>(row: &'a [(String, String)], column: &str) -> &'a str {
+    &row.iter().find(|(c, _)| c == column).unwrap_or_else(|| panic!("no column {column}")).1
+}
+
+fn number(row: &[(String, String)], column: &str) -> f64 {
+    text(row, column).parse().unwrap_or_else(|_| panic!("{column}: {:?}", text(row, column)))
+}
+
+#[test]
+fn a_quick_chart_of_tissue_is_a_picture_and_tables_of_what_theory_says() {
+    let place = Place::new();
+    let run = place.run("chart tissue --quick --out charts");
+    assert_eq!(run.code, Some(0), "{run:?}");
+    for file in ["tissue.svg", "tissue.csv", "tissue_rod.csv", "tissue_indentation.csv"] {
+        assert!(run.out.contains(file) && place.path(&format!("charts/{file}")).is_file(), "{file}: {}", run.out);
+    }
+    let picture = place.text("charts/tissue.svg");
+    for label in ["Sagging beam: neo_hookean", "Sphere on a block", "time per step [ms]", "MuJoCo"] {
+        assert!(picture.contains(label), "{label}");
+    }
+
+    // Poisson 0.49: linear tetrahedra lock, the others do not.
+    let bending = table(&place, "charts/tissue.csv");
+    let error = |element: &str| {
+        let row = bending.iter().find(|row| text(row, "element") == element).expect("every element is measured");
+        assert!(number(row, "step [ms]") > 0.0);
+        number(row, "error [%]")
+    };
+    assert!(error("linear") > 30.0, "{}", error("linear"));
+    assert!(error("averaged") < 0.7 * error("linear"), "{} {}", error("averaged"), error("linear"));
+    assert!(error("quadratic") < 0.2 * error("linear"), "{} {}", error("quadratic"), error("linear"));
+
+    // The tip sinks as the mesh is refined, towards the measured -116 mm.
+    let rods = table(&place, "charts/tissue_rod.csv");
+    for element in ["linear", "averaged", "quadratic"] {
+        let ours = |row: &&Vec<(String, String)>| text(row, "rod") == "ours" && text(row, "element") == element;
+        let tips: Vec<f64> = rods.iter().filter(ours).map(|row| number(row, "tip at rest y [mm]")).collect();
+        assert!(tips.len() == 2 && tips[1] < tips[0] && tips[1] > -120.0, "{element}: {tips:?}");
+    }
+
+    let pressed = table(&place, "charts/tissue_indentation.csv");
+    assert_eq!(pressed.len(), 6, "three elements, two kinds of contact");
+    assert!(pressed.iter().all(|row| number(row, "worst [%]").is_finite()), "{pressed:?}");
+}
+
+#[test]
+fn a_chart_refuses_folders_that_are_not_there_and_names_that_it_does_not_know() {
+    let place = Place::new();
+    let run = place.run("chart tissue --data nowhere --quick");
+    assert_eq!(run.code, Some(2));
+    assert!(run.err.contains("nowhere") && run.err.contains("--data"), "{run:?}");
+    let run = place.run("chart tisue");
+    assert_eq!(run.code, Some(2));
+    assert!(run.err.contains("tissue"), "the nearest name: {run:?}");
+    place.write("file", "");
+    let run = place.run("chart tissue --quick --out file/charts");
+    assert_eq!(run.code, Some(2), "{run:?}");
+    assert_eq!(place.files(), ["file", "scene.toml"], "nothing was written");
+}
