@@ -14,7 +14,7 @@
 //! ```
 //! Departures: below a stretch of [`STRETCH_FLOOR`] `g` goes on as its quadratic Taylor polynomial in `c`, since powers of a
 //! vanishing stretch have no derivative; the power and the logarithm of `J` are continued below `J0 =`
-//! [`EXTENSION_BELOW`](super::volume). All stay twice continuously differentiable; inverted elements are driven back by the
+//! 0.2. All stay twice continuously differentiable; inverted elements are driven back by the
 //! bulk term.
 
 #![allow(non_snake_case)]

@@ -145,6 +145,7 @@ fn pressing(settings: &Settings, work: &Work) -> Result<(NamedTable, Vec<Panel>)
         "step [ms]",
     ]);
     let mut series: Vec<Series> = indentation::others();
+    series.push(Series { name: "3 %".into(), mark: Mark::Dashed, points: vec![(0.5, 3.0), (200.0, 3.0)] });
     let cases = indentation::cases(settings.quick);
     work.expect(cases.len());
     for case in &cases {
