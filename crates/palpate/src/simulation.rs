@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Vector3};
 use palpate_fem::factor::{Factor, FactorStatus};
+use palpate_fem::integrator::equilibrium::EquilibriumReport;
 use palpate_haptics::snapshot::HapticSnapshot;
 use std::sync::Arc;
 
@@ -22,6 +23,7 @@ pub struct Simulation<'w> {
     spare: Factor,
     snapshot: HapticSnapshot,
     refresh_every: u64,
+    settled: Option<EquilibriumReport>,
 }
 
 impl<'w> Simulation<'w> {
@@ -30,7 +32,7 @@ impl<'w> Simulation<'w> {
     /// # Errors
     /// A body whose first matrix is not positive definite.
     pub fn new(world: &'w World) -> Result<Self, RunError> {
-        let (rest, _) = settle(world);
+        let (rest, settled) = settle(world);
         let mut ws = StepWorkspace::new(world);
         let factor = FactorSample::first(world, &rest, &mut ws)?;
         Ok(Self {
@@ -41,7 +43,13 @@ impl<'w> Simulation<'w> {
             spare: Factor::new(Arc::clone(world.symbolic())),
             snapshot: HapticSnapshot::new(world.detection().max_contacts),
             refresh_every: 1,
+            settled,
         })
+    }
+
+    /// How the body came to rest under its weight before the first step; `None` where it began as its mesh.
+    pub fn settled(&self) -> Option<&EquilibriumReport> {
+        self.settled.as_ref()
     }
 
     /// Refreshes the factor after every `steps` steps; 0 never refreshes it.

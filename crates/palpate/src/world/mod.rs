@@ -130,6 +130,24 @@ impl World {
             let _ = writeln!(text, "  region {name}: {count} tetrahedra, {}", material_of(body, name));
         }
         let _ = writeln!(text, "  dihedral angles {:.1}° to {:.1}°", q.dihedral[0], q.dihedral[2]);
+        let mass = body.total_mass.map_or(format!("{} kg/m³", body.density), |m| format!("{m} kg in equal shares"));
+        let [x, y, z] = d.gravity;
+        let _ = writeln!(
+            text,
+            "  {mass}; Rayleigh damping {} 1/s by mass, {} s by stiffness; gravity [{x}, {y}, {z}] m/s², {}",
+            body.rayleigh_mass,
+            body.rayleigh_stiffness,
+            if body.settle { "settled before the run" } else { "begins as its mesh" },
+        );
+        let on = |on: bool| if on { "on" } else { "off" };
+        let _ = writeln!(
+            text,
+            "  definiteness filter {}, guard {}; conjugate gradients to {:e} in at most {} iterations",
+            on(body.definiteness_filter),
+            on(body.guard),
+            body.tolerance,
+            body.max_iterations,
+        );
         let _ = writeln!(text, "tool {}: {}", d.tools[0].name, one_line(&d.tools[0].shape));
         let c = &d.contact;
         let _ = writeln!(
@@ -140,6 +158,7 @@ impl World {
             c.friction,
             c.max_contacts
         );
+        let _ = writeln!(text, "solver: {}", one_line(&d.solver));
         let _ = writeln!(text, "integrator: {}", self.integration);
         let _ = writeln!(
             text,
