@@ -2,11 +2,14 @@
 //!
 //! ```text
 //! find w:  A w = h Hᵀ F(δ_free + h H w)
-//! repeat:  (A + h² Hᵀ K H) p = h Hᵀ F - A w      K = -dF/dδ with the bounds of friction held
+//! repeat:  (A + h² Hᵀ K H) p = h Hᵀ F - A w      F and K = -dF/dδ with the bounds of friction held
 //!          w <- w + t p                          t halved until the energy with those bounds falls
-//! until    |h Hᵀ F - A w| <= tolerance |h Hᵀ F|
+//!          bounds <- μ F_n                       where the balance with those held is ten times better
+//! until    |h Hᵀ F - A w| <= tolerance |h Hᵀ F|   with the true bounds
 //! ```
 //!
+//! With the bounds held the energy is convex, and Newton's method with the search ends whatever the stiffness. Taking them from the
+//! normal force in every iteration goes round in circles between stick and slip once contacts are stiff.
 //! `w` (m/s) is what contact adds to the free velocity. The linear systems are solved by conjugate gradients with a
 //! preconditioner made for `A` alone: every contact row is one more eigenvalue, so that they take some tens of iterations, and more
 //! the stiffer the contacts. The matrix has the pattern of `A` because the nodes of a contact share an element.
@@ -19,6 +22,9 @@ use palpate_fem::sparse::SystemMatrix;
 
 use super::PenaltyContact;
 use crate::rows::RowBlock;
+
+/// Balance with the bounds held, relative to the true one, at which they are taken anew.
+const HELD: f64 = 0.1;
 
 /// Most halvings of one of Newton's steps.
 const MOST_CUTS: u32 = 30;
@@ -97,6 +103,8 @@ pub struct PenaltyWorkspace {
     r: Vec<f64>,
     delta: Vec<f64>,
     slope: Vec<f64>,
+    /// Friction that each contact may have (N).
+    bounds: Vec<f64>,
 }
 
 impl PenaltyWorkspace {
@@ -114,6 +122,7 @@ impl PenaltyWorkspace {
             r: zeros,
             delta: Vec::with_capacity(3 * contacts),
             slope: Vec::with_capacity(3 * contacts),
+            bounds: Vec::with_capacity(contacts),
         }
     }
 }
@@ -140,8 +149,11 @@ pub fn penalty_motion(
     ws.delta.extend_from_slice(problem.delta_free);
     ws.slope.clear();
     ws.slope.resize(problem.rows.len(), 0.0);
+    // Without friction first: normal forces at the free gaps are those of a body that does not give way.
+    ws.bounds.clear();
+    ws.bounds.resize(problem.blocks.len(), 0.0);
     report.status = loop {
-        report.balance = balance(problem, lambda, ws);
+        report.balance = balance(problem, Bounds::True, lambda, ws);
         if !report.balance.is_finite() {
             break PenaltyStatus::NonFinite;
         }
@@ -150,6 +162,12 @@ pub fn penalty_motion(
         }
         if report.iterations >= limits.iterations {
             break PenaltyStatus::OutOfIterations;
+        }
+        if balance(problem, Bounds::Held, lambda, ws) <= HELD * report.balance {
+            for ((bound, block), contact) in ws.bounds.iter_mut().zip(problem.blocks).zip(&ws.contacts) {
+                *bound = contact.bound(&gather(&ws.delta, block));
+            }
+            balance(problem, Bounds::Held, lambda, ws);
         }
         if !stiffen(problem, ws) {
             break PenaltyStatus::Invalid;
@@ -160,14 +178,18 @@ pub fn penalty_motion(
         if linear.status == PcgStatus::NonFinite {
             break PenaltyStatus::NonFinite;
         }
-        if !advance(problem, lambda, w, ws) {
+        if !advance(problem, w, ws) {
             break PenaltyStatus::Stalled;
         }
         report.iterations += 1;
     };
-    if matches!(report.status, PenaltyStatus::NonFinite | PenaltyStatus::Invalid) {
-        w.fill(0.0);
-        lambda.fill(0.0);
+    match report.status {
+        PenaltyStatus::NonFinite | PenaltyStatus::Invalid => {
+            w.fill(0.0);
+            lambda.fill(0.0);
+        }
+        // The forces of the motion that is handed back, inside the cones.
+        _ => report.balance = balance(problem, Bounds::True, lambda, ws),
     }
     report
 }
@@ -186,10 +208,21 @@ fn gather(rows: &[f64], block: &RowBlock) -> Vector3<f64> {
     Vector3::from_fn(|i, _| if i < block.rows as usize { rows[block.first_row as usize + i] } else { 0.0 })
 }
 
+/// The bounds of friction.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Bounds {
+    /// By the normal force.
+    True,
+    /// As they are held.
+    Held,
+}
+
 /// Forces at the gaps so far, and `r = h Hᵀ F - A w`; returns its size relative to the forces.
-fn balance(problem: &PenaltyProblem<'_>, lambda: &mut [f64], ws: &mut PenaltyWorkspace) -> f64 {
-    for (block, contact) in problem.blocks.iter().zip(&ws.contacts) {
-        let force = contact.force(&gather(&ws.delta, block));
+fn balance(problem: &PenaltyProblem<'_>, bounds: Bounds, lambda: &mut [f64], ws: &mut PenaltyWorkspace) -> f64 {
+    for ((block, contact), held) in problem.blocks.iter().zip(&ws.contacts).zip(&ws.bounds) {
+        let delta = gather(&ws.delta, block);
+        let bound = if bounds == Bounds::Held { *held } else { contact.bound(&delta) };
+        let force = contact.force_within(&delta, bound);
         lambda[block.range()].iter_mut().zip(&force).for_each(|(to, from)| *to = *from);
     }
     ws.r.fill(0.0);
@@ -207,8 +240,8 @@ fn balance(problem: &PenaltyProblem<'_>, lambda: &mut [f64], ws: &mut PenaltyWor
 fn stiffen(problem: &PenaltyProblem<'_>, ws: &mut PenaltyWorkspace) -> bool {
     ws.matrix.blocks.copy_from_slice(&problem.system.blocks);
     let h2 = problem.dt * problem.dt;
-    for (block, contact) in problem.blocks.iter().zip(&ws.contacts) {
-        let tangent = contact.tangent(&gather(&ws.delta, block)) * h2;
+    for ((block, contact), bound) in problem.blocks.iter().zip(&ws.contacts).zip(&ws.bounds) {
+        let tangent = contact.tangent_within(&gather(&ws.delta, block), *bound) * h2;
         for (i, row) in block.range().enumerate() {
             for (j, column) in block.range().enumerate().filter(|&(j, _)| tangent[(i, j)] != 0.0) {
                 for (a, left) in problem.rows.row(row) {
@@ -225,7 +258,7 @@ fn stiffen(problem: &PenaltyProblem<'_>, ws: &mut PenaltyWorkspace) -> bool {
 }
 
 /// Moves along `p` as far as the energy with the present bounds of friction falls; false where it does not.
-fn advance(problem: &PenaltyProblem<'_>, lambda: &[f64], w: &mut [f64], ws: &mut PenaltyWorkspace) -> bool {
+fn advance(problem: &PenaltyProblem<'_>, w: &mut [f64], ws: &mut PenaltyWorkspace) -> bool {
     let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
     problem.system.multiply(&ws.p, &mut ws.ap);
     for (r, slope) in ws.slope.iter_mut().enumerate() {
@@ -237,10 +270,9 @@ fn advance(problem: &PenaltyProblem<'_>, lambda: &[f64], w: &mut [f64], ws: &mut
     }
     let springs = |t: f64| -> f64 {
         let at = |block: &RowBlock| gather(&ws.delta, block) + gather(&ws.slope, block) * t;
-        let energy = |(block, contact): (&RowBlock, &PenaltyContact)| {
-            contact.energy(&at(block), contact.friction * lambda[block.first_row as usize])
-        };
-        problem.blocks.iter().zip(&ws.contacts).map(energy).sum()
+        let energy =
+            |((block, contact), bound): ((&RowBlock, &PenaltyContact), &f64)| contact.energy_within(&at(block), *bound);
+        problem.blocks.iter().zip(&ws.contacts).zip(&ws.bounds).map(energy).sum()
     };
     let before = springs(0.0);
     let floor = ROUNDING * (before + 0.5 * dot(w, &ws.aw));
