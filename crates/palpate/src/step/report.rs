@@ -42,7 +42,7 @@ pub struct StepTimes {
     pub detection: f64,
     /// Rows and `W`.
     pub compliance: f64,
-    /// Gauss-Seidel.
+    /// Contact forces; by a direct approach with the motion that belongs to them.
     pub solve: f64,
     /// Correction and the check that the body is finite.
     pub correction: f64,
@@ -93,7 +93,8 @@ pub struct StepReport {
     pub compliance: ComplianceReport,
     /// True where exact compliance was asked for and this step's matrix could not be factored.
     pub refused: bool,
-    /// Constraint solve.
+    /// Constraint solve. Iterations are those of the scene's solver, interior-point iterations of Lagrange multipliers or
+    /// Newton's of penalty contact; the residual is that of the law of contact for each.
     pub solve: SolveReport,
     /// Contacts that carry a force.
     pub active: usize,

@@ -18,7 +18,7 @@ use palpate_fem::mesh::{MeshQuality, TetMesh};
 use palpate_fem::model::{FemConfig, FemError, FemModel};
 use palpate_fem::surface::Surface;
 
-use crate::scene::{Scene, SceneDescription, SceneError};
+use crate::scene::{ContactMethod, Scene, SceneDescription, SceneError};
 use elements::{locking, with_nodes_for};
 use fixed::fixed_nodes;
 use geometry::{Loaded, load};
@@ -96,6 +96,19 @@ impl World {
         &self.integration
     }
 
+    /// How contact forces are found at step rate, with the parameters of the method.
+    pub fn contact_method(&self) -> String {
+        let contact = &self.description().contact;
+        let penalty = contact.penalty.unwrap_or_default();
+        match (contact.method, penalty.stiffness) {
+            (ContactMethod::Penalty, Some(k)) => format!("penalty ({k} N/m, damping {} s)", penalty.damping),
+            (ContactMethod::Penalty, None) => {
+                format!("penalty ({} times the body's stiffness, damping {} s)", penalty.multiple, penalty.damping)
+            }
+            (method, _) => method.name().into(),
+        }
+    }
+
     /// What is odd but no mistake.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
@@ -152,8 +165,9 @@ impl World {
         let c = &d.contact;
         let _ = writeln!(
             text,
-            "contact at {} within {:.1} mm, friction {}, at most {} contacts",
+            "contact at {} by {} within {:.1} mm, friction {}, at most {} contacts",
             format!("{:?}", c.at).to_lowercase(),
+            self.contact_method(),
             c.margin * 1e3,
             c.friction,
             c.max_contacts
