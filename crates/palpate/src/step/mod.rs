@@ -16,8 +16,10 @@
 //! Contacts are found at the configuration of the step's begin, where the last correction left the skin outside the
 //! tool; `q_free` would show the tool deep in tissue that has already sprung back.
 
+mod accuracy;
 mod guard;
 mod newton;
+mod preconditioner;
 mod report;
 mod stages;
 mod workspace;
@@ -33,7 +35,7 @@ use self::newton::newton_with_contact;
 use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
 
-pub use report::{FailedElement, StepReport, StepStatus, StepTimes};
+pub use report::{ComplianceError, FailedElement, StepReport, StepStatus, StepTimes};
 pub use workspace::{StepState, StepWorkspace};
 
 /// What a step reads from the other threads.
@@ -69,6 +71,9 @@ pub fn step(
             guard(world, state, ws, &mut report);
             report.times.free_motion = clock.lap();
             contact(world, &input.tool, input.factor, state, ws, &mut report, &mut clock);
+            if ws.own_is_current {
+                report.factor_age = 0.0;
+            }
         }
         Integration::Newton(config) => {
             report.factor_age = 0.0;
@@ -79,6 +84,9 @@ pub fn step(
             explicit(world, input, *substeps, state, ws, &mut report, &mut clock);
         }
     }
+    accuracy::sample_column(world, input.factor, ws, &mut report);
+    report.times.sampling = clock.lap();
+    accuracy::choose_next(world, state, &report);
     stages::hand_over(world, input, state, ws, &report, snapshot);
     state.tool = Some(input.tool);
     state.step += 1;
@@ -100,7 +108,7 @@ fn contact(
     stages::detection(world, tool, state, ws, report);
     report.times.detection += clock.lap();
     stages::rows(world, tool, state, ws, report);
-    stages::compliance(world, factor, ws, report);
+    stages::compliance(world, factor, state.exact_steps, ws, report);
     report.times.compliance += clock.lap();
     stages::solve(state, ws, report);
     report.times.solve += clock.lap();
