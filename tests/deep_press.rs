@@ -1,4 +1,5 @@
-//! Deep and fast presses by an old factor: the exact correction keeps the body whole where the matching one tears it.
+//! Deep and fast presses by an old factor: the exact correction keeps the body whole where the matching one, which moves it
+//! by the old inverse, feeds energy into it until it folds.
 
 #![allow(clippy::print_stdout)] // what was measured
 
@@ -8,111 +9,113 @@ use nalgebra::Isometry3;
 use palpate::constraints::compliance::{ComplianceMethod, MotionCorrection};
 use palpate::haptics::script::ScriptKey;
 use palpate::prelude::*;
-use palpate::scene::Refactor;
-use palpate::step::StepStatus;
+use palpate::run::RunOutcome;
+use palpate::step::{StepReport, StepStatus};
 use palpate::summary::RunEnd;
 
-use block::record;
+use block::{Recorder, record};
 
-/// A large ball over a block of soft tissue of `cells`, as in a test of indentation.
-fn fine(element: &str, cells: [usize; 3], change: impl FnOnce(&mut SceneDescription)) -> World {
-    let text = format!(
-        r#"
+/// A large ball over a fine block of 4,851 nodes of nearly incompressible tissue.
+fn fine(compliance: ComplianceMethod, correction: MotionCorrection) -> World {
+    let text = r#"
         name = "fine"
         [[body]]
         name = "block"
-        block = {{ min = [0, 0, 0], max = [0.1, 0.1, 0.05], cells = {cells:?} }}
-        element = "{element}"
+        block = { min = [0, 0, 0], max = [0.1, 0.1, 0.05], cells = [20, 20, 10] }
+        element = "averaged"
         density = 1000
         rayleigh_stiffness = 0.005
-        material = {{ law = "neo_hookean", young = 10e3, poisson = 0.40 }}
-        fixed = [{{ node_set = "z_min" }}]
-        compliance = "async"
+        material = { law = "neo_hookean", young = 10e3, poisson = 0.49 }
+        fixed = [{ node_set = "z_min" }]
         [[tool]]
         name = "ball"
-        shape = {{ kind = "sphere", radius = 0.04 }}
+        shape = { kind = "sphere", radius = 0.04 }
         [contact]
         at = "nodes"
         max_contacts = 200
         [hand]
-        path = [{{ time = 0, position = [0.05, 0.05, 0.1] }}]
-        "#
-    );
-    let mut scene = Scene::from_toml(&text, std::path::Path::new("")).unwrap();
-    scene.edit(change).unwrap();
+        path = [{ time = 0, position = [0.05, 0.05, 0.1] }]
+    "#;
+    let mut scene = Scene::from_toml(text, std::path::Path::new("")).unwrap();
+    scene.edit(|s| (s.bodies[0].compliance, s.bodies[0].correction) = (compliance, correction)).unwrap();
     scene.build().unwrap()
 }
 
-/// What a press of the fine block came to.
-struct Press {
-    /// Step at which the body was given up.
-    failed: Option<u64>,
-    /// Force at the end (N).
-    force: f64,
-    /// Largest force of a step (N).
-    largest: f64,
-}
-
-/// 8 mm in half a second, then held for as long; the factor refreshed every 3 steps.
-fn press(world: &World) -> Press {
+/// The last step of a press by 12 mm in half a second, held for a third; the factor refreshed every 3 steps.
+fn press(world: &World) -> StepReport {
     let mut simulation = Simulation::new(world).unwrap().refresh_every(3);
-    let mut largest = 0.0_f64;
-    let mut force = 0.0;
-    for k in 0..30_u64 {
-        let depth = 0.008 * (k as f64 / 15.0).min(1.0);
-        let report = simulation.step(&Isometry3::translation(0.05, 0.05, 0.09 - depth));
-        if report.status == StepStatus::RolledBack {
-            return Press { failed: Some(k), force: 0.0, largest };
-        }
-        force = report.force.z;
-        largest = largest.max(report.force.norm());
-        if std::env::var("PRINT").is_ok() {
-            println!(
-                "{k:3} {:7.3} N, {} PCG, {} corr, along {:.3}, sampled {:.3}, overlap {:.2e}, {:.1} ms [asm {:.1} free {:.1} det {:.1} W {:.1} solve {:.1} corr {:.1} sample {:.1}]",
-                force, report.free_motion.iterations, report.error.correction_iterations, report.error.along_forces,
-                report.error.sampled, report.error.overlap, 1e3*report.times.total, 1e3*report.times.assembly, 1e3*report.times.free_motion, 1e3*report.times.detection, 1e3*report.times.compliance, 1e3*report.times.solve, 1e3*report.times.correction, 1e3*report.times.sampling
-            );
-        }
-    }
-    Press { failed: None, force, largest }
+    let mut step = |k: u64| {
+        let depth = 0.012 * (k as f64 / 15.0).min(1.0);
+        simulation.step(&Isometry3::translation(0.05, 0.05, 0.09 - depth))
+    };
+    (0..24).for_each(|k| _ = step(k));
+    step(24)
 }
 
+/// Against exact compliance. The residual oscillation of the exact correction at rest is below a percent of the force; the
+/// matching one was measured 20 % off and growing.
 #[test]
-fn a_fine_block_is_pressed_fast_without_being_torn() {
-    for (element, cells) in [("averaged", [20, 20, 10]), ("quadratic", [10, 10, 5])] {
-        for correction in [MotionCorrection::Matching, MotionCorrection::Exact] {
-            let world = fine(element, cells, |scene| scene.bodies[0].correction = correction);
-            println!("{}", world.understood());
-            let run = press(&world);
-            println!("{element}, {correction:?}: failed {:?}, {:.3} N at the end, largest {:.3} N", run.failed, run.force, run.largest);
-        }
-        let world = fine(element, cells, |scene| scene.bodies[0].compliance = ComplianceMethod::Exact);
-        let run = press(&world);
-        println!("{element}, exact W: {:.3} N at the end, largest {:.3} N", run.force, run.largest);
+fn a_fine_block_pressed_fast_by_an_old_factor_comes_to_rest() {
+    let exact = press(&fine(ComplianceMethod::Exact, MotionCorrection::Exact));
+    for (correction, sound) in [(MotionCorrection::Exact, true), (MotionCorrection::Matching, false)] {
+        let last = press(&fine(ComplianceMethod::Asynchronous, correction));
+        let error = (last.force.z - exact.force.z).abs() / exact.force.z;
+        let iterations = last.free_motion.iterations;
+        println!("{correction:?}: {:.3} N of {:.3} N, {iterations} iterations", last.force.z, exact.force.z);
+        assert_eq!(last.status, StepStatus::Advanced);
+        assert_eq!(error < 0.02 && iterations < 10, sound, "{correction:?}: {error}, {iterations} iterations");
     }
 }
 
+/// A ball pressed 22 mm into a block of 40 mm within 0.67 s, the factor refreshed at 10 Hz and 0.1 s late.
+fn half_the_height(change: impl FnOnce(&mut SceneDescription)) -> (RunOutcome, Recorder) {
+    let world = block::world(|scene| {
+        scene.device.kind = "scripted".into();
+        let key = |time, z| ScriptKey { time, position: [0.033, 0.037, z], release: false };
+        scene.hand.path = vec![key(0.0, 0.053), key(0.67, 0.030), key(1.2, 0.030)];
+        change(scene);
+    });
+    record(&world, &RunOptions { length: Length::Seconds(1.2), lockstep: true, ..RunOptions::default() })
+}
+
 #[test]
-fn a_block_is_pressed_to_half_its_height_in_two_thirds_of_a_second() {
-    for (compliance, correction) in [
-        (ComplianceMethod::Asynchronous, MotionCorrection::Matching),
-        (ComplianceMethod::Asynchronous, MotionCorrection::Exact),
-        (ComplianceMethod::Warped, MotionCorrection::Exact),
-        (ComplianceMethod::Exact, MotionCorrection::Exact),
-    ] {
-        let world = block::world(|scene| {
-            scene.device.kind = "scripted".into();
+fn a_block_pressed_to_half_its_height_carries_the_force_that_it_should() {
+    let run = |compliance, correction| {
+        let (outcome, recorder) = half_the_height(|scene| {
             (scene.bodies[0].compliance, scene.bodies[0].correction) = (compliance, correction);
-            let key = |time, z| ScriptKey { time, position: [0.033, 0.037, z], release: false };
-            scene.hand.path = vec![key(0.0, 0.053), key(0.67, 0.030), key(1.2, 0.030)];
         });
-        let options = RunOptions { length: Length::Seconds(1.2), lockstep: true, ..RunOptions::default() };
-        let (outcome, recorder) = record(&world, &options);
-        let last = recorder.steps.last().unwrap();
-        println!(
-            "{compliance:?} {correction:?}: {:?}, {:.3} N at the end, error {:?}, {} early of {}, {:?}",
-            outcome.summary.end, last.force.z, outcome.summary.compliance_error.p50, outcome.summary.factors_early, outcome.summary.factors, outcome.summary.iterations
-        );
-    }
-    let _ = (Refactor::Step, RunEnd::Completed);
+        assert_eq!(outcome.summary.end, RunEnd::Completed, "{compliance:?} {correction:?}");
+        let force = recorder.steps.last().unwrap().force.z;
+        println!("{compliance:?} {correction:?}: {force:.3} N, iterations {:?}", outcome.summary.iterations);
+        force
+    };
+    let exact = run(ComplianceMethod::Exact, MotionCorrection::Exact);
+    let corrected = run(ComplianceMethod::Asynchronous, MotionCorrection::Exact);
+    let matching = run(ComplianceMethod::Asynchronous, MotionCorrection::Matching);
+    // The error of the compliance of the moving tissue is some percent, and so is the force's; the matching correction
+    // folds the tissue below the ball and keeps less than half of the force.
+    assert!((corrected / exact - 1.0).abs() < 0.1, "{corrected} N of {exact} N");
+    assert!(matching < 0.6 * exact, "{matching} N of {exact} N");
+}
+
+/// The same press with a factor thread that is asked once in two seconds: the steps urge it themselves.
+#[test]
+fn a_factor_that_ages_too_fast_is_refreshed_before_its_turn() {
+    let (outcome, recorder) = half_the_height(|scene| {
+        scene.bodies[0].compliance = ComplianceMethod::Asynchronous;
+        (scene.rates.factor, scene.rates.factor_delay) = (0.5, 0.1);
+    });
+    let summary = &outcome.summary;
+    let oldest = recorder.steps.iter().map(|r| r.factor_age).fold(0.0, f64::max);
+    println!("{} of {} early, oldest {oldest:.2} s, iterations {:?}", summary.factors_early, summary.factors, summary.iterations);
+    assert_eq!(summary.end, RunEnd::Completed);
+    // One at the begin by its turn.
+    assert!(summary.factors_early >= 2 && summary.factors >= summary.factors_early + 1, "{summary:?}");
+    // By its turn alone every factor but the first would be missing, and the iterations those of one as old as the press.
+    let (never, _) = half_the_height(|scene| {
+        scene.bodies[0].compliance = ComplianceMethod::Warped;
+        scene.bodies[0].error_sampling = 0.0;
+    });
+    let (with, without) = (summary.iterations.p99, never.summary.iterations.p99);
+    assert!(with < without, "{with} iterations with early refreshes, {without} without any");
 }

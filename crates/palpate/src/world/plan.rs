@@ -14,10 +14,10 @@ use super::Integration;
 use crate::scene::{BodyDescription, Refactor, SceneDescription};
 
 /// Operations per second of a factorisation on one core of the nominal machine.
-const FACTOR_RATE: f64 = 6e9;
+const FACTOR_RATE: f64 = 25e9;
 
 /// The same for solves with the factor, which wait for memory.
-const SOLVE_RATE: f64 = 2e9;
+const SOLVE_RATE: f64 = 3e9;
 
 /// Share of a step that a factorisation may take to be done in it.
 const FACTOR_SHARE: f64 = 0.4;
