@@ -4,6 +4,7 @@
 use criterion::{Criterion, Throughput};
 use palpate::fem::assembly::{FemWorkspace, assemble};
 use palpate::fem::factor::{Factor, FactorStatus, SolveWorkspace, SymbolicFactor};
+use palpate::fem::ordering::approximate_minimum_degree;
 use palpate::world::World;
 use std::sync::Arc;
 
@@ -19,6 +20,16 @@ fn measure(c: &mut Criterion, world: &World) {
     let mut group = c.benchmark_group("factorization");
     group.throughput(Throughput::Elements(world.symbolic().flops() as u64));
     group.bench_function(format!("refactor, {}", nodes(world)), |b| b.iter(|| factor.refactor(&ws.system)));
+    group.finish();
+
+    // The yardstick of nested dissection.
+    let by_degree = approximate_minimum_degree(world.model().pattern());
+    let symbolic = SymbolicFactor::with_ordering(world.model().pattern(), by_degree).expect("the pattern has nodes");
+    let mut other = Factor::new(Arc::new(symbolic));
+    assert_eq!(other.refactor(&ws.system).status, FactorStatus::Ok);
+    let mut group = c.benchmark_group("factorization by minimum degree");
+    group.throughput(Throughput::Elements(other.symbolic().flops() as u64));
+    group.bench_function(format!("refactor, {}", nodes(world)), |b| b.iter(|| other.refactor(&ws.system)));
     group.finish();
 
     let mut group = c.benchmark_group("solve");

@@ -10,7 +10,7 @@ mod block;
 use nalgebra::Vector3;
 use palpate::constraints::compliance::ComplianceMethod;
 use palpate::run::{Length, RunOptions};
-use palpate::scene::SceneDescription;
+use palpate::scene::{Refactor, SceneDescription};
 use palpate::simulation::Simulation;
 use palpate::step::StepStatus;
 use palpate::world::World;
@@ -25,7 +25,8 @@ fn exact(tolerance: f64) -> impl FnOnce(&mut SceneDescription) {
         scene.device.kind = "scripted".into();
         let body = &mut scene.bodies[0];
         (body.settle, body.tolerance, body.max_iterations) = (false, tolerance, 2000);
-        body.compliance = ComplianceMethod::Exact;
+        // The thread's factor preconditions, and W is exact all the same.
+        (body.compliance, body.refactor) = (ComplianceMethod::Exact, Some(Refactor::Thread));
         (scene.solver.tolerance, scene.solver.max_sweeps) = (1e-12, 100_000);
         (scene.solver.tick_tolerance, scene.solver.tick_sweeps) = (1e-12, 10_000);
     }
@@ -164,6 +165,7 @@ fn asynchronous_compliance_of_any_age_satisfies_the_contact_law() {
     let world = block::world(|scene| {
         exact(1e-10)(scene);
         scene.bodies[0].compliance = ComplianceMethod::Asynchronous;
+        scene.bodies[0].refactor = None;
         scene.solver.tolerance = 1e-8;
     });
     println!("refreshed every | oldest [s] | worst residual | error of force: mean, largest, of {largest:.2} N");

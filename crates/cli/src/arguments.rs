@@ -12,6 +12,7 @@ const EXAMPLES: &str = "Examples:
   palpate run liver --lockstep --steps 90    the same in virtual time: equal bits on every run
   palpate run my_scene.toml --no-trace --csv steps.csv --json > summary.json
   palpate check my_scene.toml                find mistakes, print what was understood
+  palpate plan my_scene.toml --measure       which methods it will be computed by, and why
   palpate equilibrium my_scene.toml --final state.vtu
   palpate mesh organ.msh                     size, quality and faults of a mesh
   palpate mesh make liver.inr.gz --cell 10mm --out organ.vtu
@@ -41,6 +42,14 @@ pub(crate) enum Command {
     Check {
         /// Scene file or name of a bundled scene.
         scene: String,
+    },
+    /// Print which methods a scene will be computed by, why, and what each stage costs; runs nothing of it in real time.
+    Plan {
+        /// Scene file or name of a bundled scene.
+        scene: String,
+        /// Take a few steps and measure, instead of predicting alone.
+        #[arg(long)]
+        measure: bool,
     },
     /// Find the static equilibrium of a scene's body under gravity, without contact.
     #[command(after_help = exit::HELP)]
@@ -173,6 +182,8 @@ pub(crate) struct ChartArguments {
 /// The charts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ChartName {
+    /// Compliance: error of forces and motion against time per step, by method and age of the factor.
+    Compliance,
     /// Contact solvers: problems solved against time, residual against time, contact methods.
     Solvers,
     /// Tissue: error against time per step, by law, element and mesh size.
@@ -183,6 +194,7 @@ impl ChartName {
     /// Name of the picture, without ending.
     pub(crate) fn name(self) -> &'static str {
         match self {
+            Self::Compliance => "compliance",
             Self::Solvers => "solvers",
             Self::Tissue => "tissue",
         }

@@ -28,6 +28,7 @@ fn main() -> ExitCode {
     let outcome = match arguments.command {
         Command::Run(run) => command::run::run(&run),
         Command::Check { scene } => command::check::check(&scene),
+        Command::Plan { scene, measure } => command::plan::plan(&scene, measure),
         Command::Equilibrium(equilibrium) => command::equilibrium::equilibrium(&equilibrium),
         Command::Mesh(mesh) => command::mesh::mesh(&mesh),
         Command::Chart(chart) => command::chart::chart(&chart),

@@ -10,6 +10,7 @@ pub(crate) fn summary(s: &RunSummary) -> String {
         s.scene, s.mode, s.nodes, s.tetrahedra, s.simulated, s.end
     )];
     lines.push(format!("integrator: {}; contact by {}", s.integrator, s.contact));
+    lines.push(format!("plan: {}", s.plan));
     lines.push(tails(s).to_string());
     lines.push(facts(s).to_string());
     if let Some(trace) = &s.trace {
@@ -43,6 +44,10 @@ fn tails(s: &RunSummary) -> Table {
     row("factorisation [ms]", &s.factor_work, 1e3, 2);
     row("age of the factor [ms]", &s.factor_age, 1e3, 0);
     row("CG iterations", &s.iterations, 1.0, 0);
+    if s.compliance_errors > 0 {
+        row("CG iterations of the correction", &s.correction_iterations, 1.0, 0);
+        row("error of the compliance [%]", &s.compliance_error, 1e2, 2);
+    }
     row("contacts", &s.contacts, 1.0, 0);
     table
 }
@@ -63,6 +68,11 @@ fn facts(s: &RunSummary) -> Table {
     table.add_row([
         "worst complementarity residual: step / tick".to_string(),
         format!("{:.2e} / {:.2e}", s.worst_residual, s.worst_tick_residual),
+    ]);
+    table.add_row(["deepest overlap after a correction [mm]".to_string(), format!("{:.4}", 1e3 * s.overlap)]);
+    table.add_row([
+        "factors before their turn / steps in contact with exact compliance".to_string(),
+        format!("{} / {}", s.factors_early, s.exact_steps),
     ]);
     table.add_row(["largest force [N]".to_string(), format!("{:.3}", s.largest_force)]);
     table.add_row(["largest jump at a new snapshot [N]".to_string(), format!("{:.4}", s.largest_jump)]);

@@ -17,14 +17,53 @@ use serde::{Deserialize, Serialize};
 
 /// How `W` is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum ComplianceMethod {
-    /// From the latest factor of the background thread, warped by the rotations of the nodes since.
+    /// Left to whoever plans the run; as an inverse, what [`ComplianceMethod::Asynchronous`] is.
     #[default]
-    #[serde(rename = "async")]
+    Automatic,
+    /// From the latest factor of the background thread, warped by the rotations of the nodes since.
+    #[serde(rename = "async", alias = "asynchronous")]
     Asynchronous,
     /// From a factor of this step's matrix.
-    #[serde(rename = "exact")]
     Exact,
+    /// From the factor of the first matrix, warped by the rotations of the nodes since: nothing is ever factored again.
+    Warped,
+}
+
+impl ComplianceMethod {
+    /// Name in scenes and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Automatic => "automatic",
+            Self::Asynchronous => "async",
+            Self::Exact => "exact",
+            Self::Warped => "warped",
+        }
+    }
+}
+
+/// How the contact forces move the body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MotionCorrection {
+    /// By `A` of this step: `A Δv = h Hᵀ λ` is solved by conjugate gradients. The motion obeys the equations of motion
+    /// whatever `W` was; what `W` misses remains as a gap, which the next step sees.
+    #[default]
+    Exact,
+    /// By the inverse that gave `W`: the gaps are those that the contact law was solved for, whatever `A` is. An old
+    /// inverse then moves inner nodes wrongly, which feeds energy into a body that is pressed deep and fast.
+    Matching,
+}
+
+impl MotionCorrection {
+    /// Name in scenes and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Matching => "matching",
+        }
+    }
 }
 
 /// A symmetric positive definite matrix that can apply its inverse to sparse rows.
@@ -86,8 +125,8 @@ impl<'a, I> WarpedInverse<'a, I> {
     /// The inverse as the method wants it: the exact method has nothing to warp.
     pub fn new(method: ComplianceMethod, inverse: &'a I, rotations: &'a [Matrix3<f64>]) -> Self {
         match method {
-            ComplianceMethod::Asynchronous => Self { inverse, rotations: Some(rotations) },
             ComplianceMethod::Exact => Self { inverse, rotations: None },
+            _ => Self { inverse, rotations: Some(rotations) },
         }
     }
 }

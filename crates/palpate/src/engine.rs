@@ -8,18 +8,19 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use crate::gathering::Gathering;
 use crate::problem_files::ProblemFiles;
 use crate::record::{FactorLine, StepLine, TraceLines};
-use crate::refresh::{FactorSample, Refresh, RefreshPort, refresh};
+use crate::refresh::{FactorSample, Refresh, RefreshPort, RefreshWatch, refresh};
 use crate::run::{RunError, RunOptions, RunOutcome};
 use crate::settle::settle;
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, step};
 use crate::tick::Ticker;
-use crate::world::{Integration, World};
+use crate::world::World;
 
 /// All stages of a run.
 pub(crate) struct Engine<'w> {
     pub(crate) world: &'w World,
     pub(crate) stage: StepStage<'w>,
-    pub(crate) refresh: Refresh,
+    /// None where the plan starts no factor stage.
+    pub(crate) refresh: Option<Refresh>,
     pub(crate) refresh_trace: FactorLine,
     pub(crate) ticker: Ticker,
     pub(crate) trace: Option<TraceLines>,
@@ -37,7 +38,12 @@ impl<'w> Engine<'w> {
         }
         let mut ws = StepWorkspace::new(world);
         let first = FactorSample::first(world, &rest, &mut ws)?;
-        let (port, refresh) = refresh(&first, &ws.fem.system);
+        let (port, refresh) = if world.plan().has_factor_thread() {
+            let (port, refresh) = refresh(&first, &ws.fem.system);
+            (port, Some(refresh))
+        } else {
+            (RefreshPort::fixed(first), None)
+        };
         let pose = world.first_pose();
         let (pose_writer, pose_reader) = latest(&pose);
         let (snapshot_writer, snapshot_reader) = latest(&HapticSnapshot::new(world.detection().max_contacts));
@@ -47,7 +53,8 @@ impl<'w> Engine<'w> {
         let state = StepState::new(world, rest);
         let problems = options.problems.clone().map(ProblemFiles::new);
         let (snapshots, poses, line) = (snapshot_writer, pose_reader, step_line);
-        let stage = StepStage { world, state, ws, port, snapshots, poses, line, problems };
+        let watch = RefreshWatch::new(world.plan().accuracy);
+        let stage = StepStage { world, state, ws, port, watch, urged: false, snapshots, poses, line, problems };
         Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes })
     }
 
@@ -82,6 +89,8 @@ pub(crate) struct StepStage<'w> {
     state: StepState,
     ws: StepWorkspace,
     port: RefreshPort,
+    watch: RefreshWatch,
+    urged: bool,
     snapshots: Writer<HapticSnapshot>,
     poses: Reader<Isometry3<f64>>,
     line: StepLine,
@@ -97,11 +106,18 @@ impl StepStage<'_> {
         if let Some(problems) = &mut self.problems {
             problems.save(&report, self.ws.problem());
         }
-        // The other integrators use no factor of an older step.
-        if report.status == StepStatus::Advanced && *self.world.integration() == Integration::BackwardEuler {
-            self.port.offer(report.step, time, self.state.before(), &self.ws.fem.system);
+        self.urged = false;
+        if report.status == StepStatus::Advanced {
+            let (q, system) = (self.state.before(), &self.ws.fem.system);
+            self.port.offer(report.step, time, q, system);
+            self.urged = self.watch.is_too_old(&report) && self.port.urge(report.step, time, q, system);
         }
         report
+    }
+
+    /// Whether the last step has urged the factor stage, which has its matrix then.
+    pub(crate) fn has_urged(&self) -> bool {
+        self.urged
     }
 
     /// Makes the next step fail.

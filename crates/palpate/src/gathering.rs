@@ -1,5 +1,7 @@
 //! Gathers the reports of a run into its summary.
 
+use palpate_constraints::compliance::ComplianceMethod;
+
 use crate::record::TraceOutcome;
 use crate::refresh::RefreshReport;
 use crate::run::{Observer, Progress};
@@ -23,6 +25,11 @@ pub(crate) struct Gathering {
     iterations: Tail,
     factor_age: Tail,
     contacts: Tail,
+    compliance_error: Tail,
+    correction_iterations: Tail,
+    overlap: f64,
+    early: u64,
+    exact_steps: u64,
     active: usize,
     time: f64,
     force: f64,
@@ -56,6 +63,11 @@ impl Gathering {
             iterations: Tail::new(1.0),
             factor_age: Tail::new(1e-6),
             contacts: Tail::new(1.0),
+            compliance_error: Tail::new(1e-9),
+            correction_iterations: Tail::new(1.0),
+            overlap: 0.0,
+            early: 0,
+            exact_steps: 0,
             active: 0,
             time: 0.0,
             force: 0.0,
@@ -77,6 +89,12 @@ impl Gathering {
         self.iterations.record(report.free_motion.iterations as f64);
         self.factor_age.record(report.factor_age);
         self.contacts.record(report.detection.contacts as f64);
+        if let Some(error) = report.error.measured() {
+            self.compliance_error.record(error);
+            self.correction_iterations.record(f64::from(report.error.correction_iterations));
+        }
+        self.overlap = self.overlap.max(report.error.overlap);
+        self.exact_steps += u64::from(report.rows.rows > 0 && report.method == ComplianceMethod::Exact);
         self.active = report.active;
         self.step_overruns += u64::from(report.overruns);
         self.contacts_dropped += report.detection.dropped as u64;
@@ -108,6 +126,7 @@ impl Gathering {
 
     pub(crate) fn refresh(&mut self, report: &RefreshReport) {
         self.factor_work.record(report.work);
+        self.early += u64::from(report.early);
         self.factors_refused += u64::from(!report.is_ok());
     }
 
@@ -163,6 +182,13 @@ impl Gathering {
             iterations: self.iterations.percentiles(),
             factor_age: self.factor_age.percentiles(),
             contacts: self.contacts.percentiles(),
+            plan: world.plan().to_string(),
+            compliance_error: self.compliance_error.percentiles(),
+            compliance_errors: self.compliance_error.count(),
+            correction_iterations: self.correction_iterations.percentiles(),
+            overlap: self.overlap,
+            factors_early: self.early,
+            exact_steps: self.exact_steps,
             contacts_dropped: self.contacts_dropped,
             worst_residual: self.worst_residual,
             worst_tick_residual: self.worst_tick_residual,

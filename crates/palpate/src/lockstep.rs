@@ -2,7 +2,8 @@
 //! machine and the number of worker threads.
 //!
 //! Step `k` begins at the first tick at or after `k / step_rate`. The factor stage asks for a matrix every
-//! `1 / factor_rate` seconds and hands the factor over `factor_delay` seconds later, at the begin of a step.
+//! `1 / factor_rate` seconds and hands the factor over `factor_delay` seconds later, at the begin of a step. A step that
+//! urges it has its matrix taken at once, if no other is on its way.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -63,6 +64,9 @@ fn beat(
             refresh(engine, &mut clock, time, gathering);
             let report = engine.stage.advance(time);
             clock.step += 1;
+            if engine.stage.has_urged() {
+                clock.due = Some(time + rates.factor_delay);
+            }
             gathering.step(&report, observer);
             engine.stage.trace(&report, false);
             engine.drain();
@@ -115,15 +119,16 @@ struct Clock {
 /// The factor stage's part of a step's begin: hand over what is due, ask for the next matrix.
 fn refresh(engine: &mut Engine<'_>, clock: &mut Clock, time: f64, gathering: &mut Gathering) {
     let rates = engine.world.description().rates;
+    let Some(stage) = &mut engine.refresh else { return };
     if clock.due.is_some_and(|due| time >= due - 1e-9) {
-        if let Some(report) = engine.refresh.refresh(|| time) {
+        if let Some(report) = stage.refresh(|| time) {
             gathering.refresh(&report);
             engine.refresh_trace.push(&report, false);
         }
         clock.due = None;
     }
     if clock.due.is_none() && time * rates.factor >= clock.asked as f64 - 1e-9 {
-        engine.refresh.want();
+        stage.want();
         clock.asked = (time * rates.factor + 1e-9) as u64 + 1;
         clock.due = Some(time + rates.factor_delay);
     }

@@ -42,6 +42,16 @@ impl Pacer {
 
     /// Sleeps until the next period begins; returns at once where it has begun already. `None` once `end` is set.
     pub(crate) fn wait(&mut self, end: &AtomicBool) -> Option<Beat> {
+        self.wait_unless(end, || false, std::thread::sleep)
+    }
+
+    /// The same on a thread that others may [unpark](std::thread::Thread::unpark): also returns, before its time and
+    /// without using up the period, once `called` answers true.
+    pub(crate) fn wait_or_called(&mut self, end: &AtomicBool, called: impl Fn() -> bool) -> Option<Beat> {
+        self.wait_unless(end, called, std::thread::park_timeout)
+    }
+
+    fn wait_unless(&mut self, end: &AtomicBool, called: impl Fn() -> bool, sleep: impl Fn(Duration)) -> Option<Beat> {
         let target = self.next as f64 * self.period;
         let time = loop {
             if end.load(Ordering::Acquire) {
@@ -52,7 +62,10 @@ impl Pacer {
             if ahead <= 0.0 {
                 break time;
             }
-            std::thread::sleep(Duration::from_secs_f64(ahead.min(NAP.as_secs_f64())));
+            if called() {
+                return Some(Beat { time, latency: 0.0, missed: 0 });
+            }
+            sleep(Duration::from_secs_f64(ahead.min(NAP.as_secs_f64())));
         };
         let latency = (time - target).max(0.0);
         let missed = (latency / self.period) as u64;
@@ -74,6 +87,21 @@ mod tests {
         assert!(late.missed >= 18, "19 periods passed, {} were counted", late.missed);
         let next = pacer.next;
         assert!(next >= 20, "the next period lies after the missed ones, not at {next}");
+    }
+
+    #[test]
+    fn a_call_ends_the_wait_before_its_time_and_leaves_the_period_unused() {
+        let (mut pacer, end) = (Pacer::new(Instant::now(), 1e-6), AtomicBool::new(false));
+        assert!(pacer.wait(&end).is_some(), "the first period begins at once");
+        let called = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let waiting =
+                scope.spawn(|| pacer.wait_or_called(&end, || called.load(Ordering::Acquire)).map(|b| b.missed));
+            called.store(true, Ordering::Release);
+            waiting.thread().unpark();
+            assert_eq!(waiting.join().unwrap(), Some(0));
+        });
+        assert_eq!(pacer.next, 1);
     }
 
     #[test]

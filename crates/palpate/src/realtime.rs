@@ -64,12 +64,15 @@ pub(crate) fn run(
                 let _ends = EndOnDrop(end_all);
                 tick_loop(ticker, Pacer::new(start, rates.tick), tick_sender, end_all);
             })
-            .and_then(|_| {
-                spawn("palpate-factor").spawn_scoped(scope, move || {
-                    refresh_loop(refresh, refresh_trace, Pacer::new(start, rates.factor), refresh_sender, end_all);
-                })
+            .and_then(|_| match refresh {
+                Some(refresh) => spawn("palpate-factor")
+                    .spawn_scoped(scope, move || {
+                        refresh_loop(refresh, refresh_trace, Pacer::new(start, rates.factor), refresh_sender, end_all);
+                    })
+                    .map(drop),
+                None => Ok(()),
             })
-            .and_then(|_| {
+            .and_then(|()| {
                 spawn("palpate-step").spawn_scoped(scope, move || {
                     pool.install(|| step_loop(stage, Pacer::new(start, rates.step), step_sender, end_all));
                 })
@@ -153,7 +156,8 @@ fn refresh_loop(
     mut reports: Sender<RefreshReport>,
     end: &AtomicBool,
 ) {
-    while pacer.wait(end).is_some() {
+    refresh.wake_here();
+    while pacer.wait_or_called(end, || refresh.is_urged()).is_some() {
         refresh.want();
         let report = loop {
             if end.load(Ordering::Acquire) {

@@ -226,6 +226,11 @@ impl StepLine {
             flags,
             tool_position: report.tool.translation.vector.into(),
             tool_orientation: rotation.into(),
+            compliance_error: report.error.along_forces,
+            sampled_error: report.error.sampled,
+            sampled_row: report.error.sampled_row,
+            correction_iterations: report.error.correction_iterations,
+            overlap: report.error.overlap,
         });
         line.push_positions(time_ns, |positions| {
             for (x, q) in positions.chunks_exact_mut(3).zip(&state.q) {

@@ -2,9 +2,13 @@
 //!
 //! Matrices and factors go round in triple buffers, so nothing is allocated or freed while a run lasts, and the step
 //! never waits: it uses the latest good factor, however old.
+//!
+//! A matrix is asked for at the factor rate. Where the step finds that the factor has aged faster than that, it urges:
+//! the matrix of that step is taken at once, unless a factor is being made already.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
+use std::thread::Thread;
 use std::time::Instant;
 
 use nalgebra::Vector3;
@@ -15,7 +19,7 @@ use palpate_fem::sparse::SystemMatrix;
 use palpate_haptics::exchange::{Reader, Writer, latest};
 
 use crate::run::RunError;
-use crate::step::StepWorkspace;
+use crate::step::{StepReport, StepWorkspace};
 use crate::world::World;
 
 /// A system matrix on its way to the factor stage.
@@ -87,6 +91,8 @@ pub struct RefreshReport {
     pub handed_over: f64,
     /// Work (s).
     pub work: f64,
+    /// Whether it was urged by the step before its turn.
+    pub early: bool,
     /// Whether the matrix could be factored; if not, the last good factor stays in use.
     pub status: FactorStatus,
 }
@@ -98,18 +104,36 @@ impl RefreshReport {
     }
 }
 
+/// What both sides see.
+#[derive(Default)]
+struct Signals {
+    /// The factor stage waits for a matrix.
+    wanted: AtomicBool,
+    /// A matrix is asked for, on its way or being factored.
+    busy: AtomicBool,
+    /// The step has urged.
+    urged: AtomicBool,
+    /// The thread to wake, where there is one.
+    thread: OnceLock<Thread>,
+}
+
 /// The step's side: offers matrices when they are wanted, reads factors.
 pub struct RefreshPort {
-    matrices: Writer<MatrixSample>,
-    factors: Reader<FactorSample>,
-    wanted: Arc<AtomicBool>,
+    link: Link,
+}
+
+enum Link {
+    /// To a factor stage.
+    Stage { matrices: Writer<MatrixSample>, factors: Reader<FactorSample>, signals: Arc<Signals> },
+    /// The first factor serves the whole run.
+    Fixed(Box<FactorSample>),
 }
 
 /// The factor stage itself.
 pub struct Refresh {
     matrices: Reader<MatrixSample>,
     factors: Writer<FactorSample>,
-    wanted: Arc<AtomicBool>,
+    signals: Arc<Signals>,
     epoch: u64,
 }
 
@@ -118,34 +142,72 @@ pub fn refresh(first: &FactorSample, system: &SystemMatrix) -> (RefreshPort, Ref
     let matrix = MatrixSample { step: first.step, time: first.time, q: first.q.clone(), system: system.clone() };
     let (matrix_writer, matrix_reader) = latest(&matrix);
     let (factor_writer, factor_reader) = latest(first);
-    let wanted = Arc::new(AtomicBool::new(false));
-    let port = RefreshPort { matrices: matrix_writer, factors: factor_reader, wanted: Arc::clone(&wanted) };
-    (port, Refresh { matrices: matrix_reader, factors: factor_writer, wanted, epoch: first.epoch })
+    let signals = Arc::new(Signals::default());
+    let link = Link::Stage { matrices: matrix_writer, factors: factor_reader, signals: Arc::clone(&signals) };
+    (RefreshPort { link }, Refresh { matrices: matrix_reader, factors: factor_writer, signals, epoch: first.epoch })
 }
 
 impl RefreshPort {
+    /// A port without a factor stage: the first factor stays.
+    pub fn fixed(first: FactorSample) -> Self {
+        Self { link: Link::Fixed(Box::new(first)) }
+    }
+
     /// The latest factor.
     pub fn factor(&mut self) -> &FactorSample {
-        self.factors.latest()
+        match &mut self.link {
+            Link::Stage { factors, .. } => factors.latest(),
+            Link::Fixed(first) => first,
+        }
     }
 
     /// Hands a matrix over if the factor stage waits for one; copies it only then.
     pub fn offer(&mut self, step: u64, time: f64, q: &[Vector3<f64>], system: &SystemMatrix) {
-        if !self.wanted.swap(false, Ordering::AcqRel) {
+        let Link::Stage { matrices, signals, .. } = &mut self.link else { return };
+        if !signals.wanted.swap(false, Ordering::AcqRel) {
             return;
         }
-        let sample = self.matrices.value_mut();
+        let sample = matrices.value_mut();
         (sample.step, sample.time) = (step, time);
         sample.q.copy_from_slice(q);
         sample.system.blocks.copy_from_slice(&system.blocks);
-        self.matrices.publish();
+        matrices.publish();
+    }
+
+    /// As [`Self::offer`], before the factor stage asks, and wakes its thread. False where it is at work already.
+    pub fn urge(&mut self, step: u64, time: f64, q: &[Vector3<f64>], system: &SystemMatrix) -> bool {
+        let Link::Stage { signals, .. } = &self.link else { return false };
+        let signals = Arc::clone(signals);
+        if signals.busy.swap(true, Ordering::AcqRel) {
+            return false;
+        }
+        signals.wanted.store(true, Ordering::Release);
+        self.offer(step, time, q, system);
+        signals.urged.store(true, Ordering::Release);
+        if let Some(thread) = signals.thread.get() {
+            thread.unpark();
+        }
+        true
     }
 }
 
 impl Refresh {
-    /// Asks the step for its next matrix.
+    /// Asks the step for its next matrix, unless one is on its way.
     pub fn want(&self) {
-        self.wanted.store(true, Ordering::Release);
+        if !self.signals.busy.swap(true, Ordering::AcqRel) {
+            self.signals.wanted.store(true, Ordering::Release);
+        }
+    }
+
+    /// Lets the step wake the calling thread, which waits by [`std::thread::park_timeout`].
+    pub(crate) fn wake_here(&self) {
+        // A second thread would be a second run, which has signals of its own.
+        let _ = self.signals.thread.set(std::thread::current());
+    }
+
+    /// Whether the step has urged since the last refresh.
+    pub(crate) fn is_urged(&self) -> bool {
+        self.signals.urged.load(Ordering::Acquire)
     }
 
     /// Factors the matrix that was asked for, if it has arrived, and hands the factor over if it is good.
@@ -154,6 +216,7 @@ impl Refresh {
         if !self.matrices.refresh() {
             return None;
         }
+        let early = self.signals.urged.swap(false, Ordering::AcqRel);
         let sample = self.matrices.current();
         let start = Instant::now();
         let epoch = self.epoch + 1;
@@ -166,7 +229,46 @@ impl Refresh {
             self.epoch = epoch;
         }
         let work = start.elapsed().as_secs_f64();
-        let handed_over = now();
-        Some(RefreshReport { epoch, step: sample.step, time: sample.time, handed_over, work, status })
+        let (step, time) = (sample.step, sample.time);
+        self.signals.busy.store(false, Ordering::Release);
+        Some(RefreshReport { epoch, step, time, handed_over: now(), work, early, status })
+    }
+}
+
+/// Iterations of a step below which a factor is young enough, whatever it was before: two of them cost less than a tenth
+/// of a factorisation each.
+const FEW_ITERATIONS: usize = 12;
+
+/// Growth of the iterations since a factor came into use at which it is too old.
+const JUMP: usize = 2;
+
+/// Measured relative error of the compliance at which a factor is too old, where the scene names no accuracy.
+const LARGEST_ERROR: f64 = 0.1;
+
+/// Watches the steps for a factor that ages faster than the factor rate expects.
+#[derive(Clone, Debug)]
+pub struct RefreshWatch {
+    epoch: Option<u64>,
+    /// Iterations of the first step with that factor.
+    iterations: usize,
+    largest_error: f64,
+}
+
+impl RefreshWatch {
+    /// A watch that holds the measured error of the compliance to `accuracy`, or to a tenth.
+    pub fn new(accuracy: Option<f64>) -> Self {
+        Self { epoch: None, iterations: 0, largest_error: accuracy.unwrap_or(LARGEST_ERROR) }
+    }
+
+    /// Whether the factor that this step used is too old: its iterations have doubled since it came into use, or the
+    /// compliance from it is wrong. A function of the reports alone, so that runs in lockstep repeat it.
+    pub fn is_too_old(&mut self, report: &StepReport) -> bool {
+        let iterations = report.free_motion.iterations.max(report.error.correction_iterations as usize);
+        if self.epoch != Some(report.factor_epoch) {
+            (self.epoch, self.iterations) = (Some(report.factor_epoch), iterations);
+        }
+        let jumped = iterations > FEW_ITERATIONS && iterations > JUMP * self.iterations;
+        let wrong = report.error.measured().is_some_and(|error| error > self.largest_error);
+        report.factor_age > 0.0 && (jumped || wrong)
     }
 }

@@ -6,15 +6,16 @@ use palpate_fem::integrator::equilibrium::EquilibriumReport;
 use palpate_haptics::snapshot::HapticSnapshot;
 use std::sync::Arc;
 
-use crate::refresh::FactorSample;
+use crate::refresh::{FactorSample, RefreshWatch};
 use crate::run::RunError;
 use crate::settle::settle;
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, step};
-use crate::world::{Integration, World};
+use crate::world::World;
 
 /// A body and a tool without device, threads and trace: for programs that bring their own loop, and for measuring.
 ///
-/// The factor is refreshed on the caller's thread every `refresh_every` steps, from the matrix of the step before.
+/// Where the plan has a factor thread, the factor is refreshed on the caller's instead, every `refresh_every` steps, from
+/// the matrix of the step before.
 pub struct Simulation<'w> {
     world: &'w World,
     state: StepState,
@@ -24,6 +25,7 @@ pub struct Simulation<'w> {
     snapshot: HapticSnapshot,
     refresh_every: u64,
     settled: Option<EquilibriumReport>,
+    watch: Option<RefreshWatch>,
 }
 
 impl<'w> Simulation<'w> {
@@ -44,6 +46,7 @@ impl<'w> Simulation<'w> {
             snapshot: HapticSnapshot::new(world.detection().max_contacts),
             refresh_every: 1,
             settled,
+            watch: None,
         })
     }
 
@@ -59,14 +62,21 @@ impl<'w> Simulation<'w> {
         self
     }
 
+    /// Refreshes the factor also where it has aged before its turn, as a run does.
+    #[must_use]
+    pub fn refresh_early(mut self) -> Self {
+        self.watch = Some(RefreshWatch::new(self.world.plan().accuracy));
+        self
+    }
+
     /// One step with the tool at `tool`.
     pub fn step(&mut self, tool: &Isometry3<f64>) -> StepReport {
         let time = self.state.step as f64 * self.world.dt();
         let input = StepInput { time, tool: *tool, factor: &self.factor };
         let report = step(self.world, &input, &mut self.state, &mut self.ws, &mut self.snapshot);
-        let own = *self.world.integration() != Integration::BackwardEuler;
-        let due = !own && self.refresh_every > 0 && self.state.step.is_multiple_of(self.refresh_every);
-        if due && report.status == StepStatus::Advanced {
+        let early = self.watch.as_mut().is_some_and(|watch| watch.is_too_old(&report));
+        let due = early || self.refresh_every > 0 && self.state.step.is_multiple_of(self.refresh_every);
+        if due && self.world.plan().has_factor_thread() && report.status == StepStatus::Advanced {
             self.refresh(&report);
         }
         report

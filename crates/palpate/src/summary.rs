@@ -99,6 +99,8 @@ pub struct RunSummary {
     pub integrator: String,
     /// How contact forces were found at step rate, with the parameters of the method.
     pub contact: String,
+    /// Where the compliance came from, when matrices were factored, and why.
+    pub plan: String,
     /// How the run ended.
     pub end: RunEnd,
     /// Simulated time (s).
@@ -139,6 +141,18 @@ pub struct RunSummary {
     pub iterations: Percentiles,
     /// Age of the factor that a step used (s).
     pub factor_age: Percentiles,
+    /// Measured relative error of the compliance, over the steps where it was measured.
+    pub compliance_error: Percentiles,
+    /// Number of those steps.
+    pub compliance_errors: u64,
+    /// Conjugate-gradient iterations of the exact correction, over the same steps.
+    pub correction_iterations: Percentiles,
+    /// Deepest overlap that a correction left (m).
+    pub overlap: f64,
+    /// Refreshes of the factor that the step urged before their turn.
+    pub factors_early: u64,
+    /// Steps in contact whose compliance was that of their own matrix.
+    pub exact_steps: u64,
     /// Contacts per step.
     pub contacts: Percentiles,
     /// Contacts that did not fit the stated capacity, over the run.

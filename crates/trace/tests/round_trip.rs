@@ -95,6 +95,11 @@ impl Bits {
             flags: StepFlags(self.word() as u32),
             tool_position: self.doubles(),
             tool_orientation: self.doubles(),
+            compliance_error: self.double(),
+            sampled_error: self.double(),
+            sampled_row: self.count() as u32,
+            correction_iterations: self.count() as u32,
+            overlap: self.double(),
         }
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
 use crate::arguments::{ChartArguments, ChartName};
-use crate::chart::{Chart, Settings, Work, plot, solvers, tissue};
+use crate::chart::{Chart, Settings, Work, compliance, plot, solvers, tissue};
 use crate::exit;
 use crate::output::{check_writable, say};
 
@@ -25,6 +25,7 @@ pub(crate) fn chart(arguments: &ChartArguments) -> Result<u8> {
     // One core: what is compared are methods, not machines.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().into_diagnostic()?;
     let chart = pool.install(|| match arguments.chart {
+        ChartName::Compliance => compliance::measure(&settings, &work),
         ChartName::Solvers => solvers::measure(&settings, &work),
         ChartName::Tissue => tissue::measure(&settings, &work),
     })?;

@@ -1,5 +1,6 @@
 //! The range of every value of a scene.
 
+use palpate_constraints::compliance::ComplianceMethod;
 use palpate_constraints::law::{ContactLaw, Coulomb};
 use std::path::Path;
 
@@ -7,7 +8,7 @@ use palpate_haptics::SetupError;
 use palpate_haptics::limits::Limits;
 use palpate_haptics::script::HandScript;
 
-use super::description::{BodyDescription, ContactMethod, IntegratorKind, NodeSelection, SceneDescription};
+use super::description::{BodyDescription, ContactMethod, IntegratorKind, NodeSelection, Refactor, SceneDescription};
 use super::error::SceneError;
 use super::parse::Source;
 
@@ -82,6 +83,7 @@ fn check_body(body: &BodyDescription, source: &Source<'_>) -> Checked {
     }
     at_least_one(source, "body.0.max_iterations", body.max_iterations)?;
     integrator(body, source)?;
+    compliance(body, source)?;
     for (k, selection) in body.fixed.iter().enumerate() {
         let path = format!("body.0.fixed.{k}");
         match selection {
@@ -131,6 +133,30 @@ fn integrator(body: &BodyDescription, source: &Source<'_>) -> Checked {
         }
     }
     Ok(())
+}
+
+/// Methods that fit one another.
+fn compliance(body: &BodyDescription, source: &Source<'_>) -> Checked {
+    if let Some(accuracy) = body.accuracy {
+        positive(source, "body.0.accuracy", accuracy, "")?;
+    }
+    not_negative(source, "body.0.error_sampling", body.error_sampling, "")?;
+    let refuse = |message: &str, remedy: &str| Err(source.at("body.0.refactor", message, remedy));
+    match (body.compliance, body.refactor) {
+        (ComplianceMethod::Asynchronous, Some(Refactor::Step | Refactor::Once)) => {
+            refuse("`async` compliance needs the factor thread", "set refactor = \"thread\", or leave it out")
+        }
+        (ComplianceMethod::Warped, Some(Refactor::Step | Refactor::Thread)) => {
+            refuse("`warped` compliance keeps the first factor", "leave it out, or set compliance = \"async\"")
+        }
+        (ComplianceMethod::Exact, Some(Refactor::Once)) => {
+            refuse("`exact` compliance needs the matrix of every step", "leave it out, or set compliance = \"warped\"")
+        }
+        (ComplianceMethod::Automatic, Some(_)) => {
+            refuse("the plan chooses when to factor", "leave it out, or name the method with `compliance`")
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Exactly one of mesh, image and block; `cell` with an image only.

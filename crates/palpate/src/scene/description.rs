@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use palpate_collision::detection::ContactKind;
 use palpate_collision::shape::ToolShape;
-use palpate_constraints::compliance::ComplianceMethod;
+use palpate_constraints::compliance::{ComplianceMethod, MotionCorrection};
 use palpate_constraints::penalty::PenaltyConfig;
 use palpate_fem::element::ElementKind;
 use palpate_fem::material::{Material, PronyTerm};
@@ -137,9 +137,22 @@ pub struct BodyDescription {
     /// Shortens motions that would raise the energy of crushed or inverted tissue; off for maps of limits.
     #[serde(default = "yes")]
     pub guard: bool,
-    /// Where the compliance of the contacts comes from.
+    /// Where the compliance of the contacts comes from: `automatic` (see [`Plan`](crate::world::Plan)), `exact`, `async` or
+    /// `warped`. For `integrator = "backward_euler"` only.
     #[serde(default)]
     pub compliance: ComplianceMethod,
+    /// How contact forces move the body where `compliance` is not exact.
+    #[serde(default)]
+    pub correction: MotionCorrection,
+    /// When the system matrix is factored; what suits `compliance` by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refactor: Option<Refactor>,
+    /// Relative error of the contact forces to keep to: steps whose measured error is above are followed by exact ones.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accuracy: Option<f64>,
+    /// Share of a step that may be spent on comparing a column of the compliance with the exact one; 0 for none.
+    #[serde(default = "sampling_share")]
+    pub error_sampling: f64,
     /// How the body moves in time.
     #[serde(default)]
     pub integrator: IntegratorKind,
@@ -176,6 +189,10 @@ impl From<Material> for TissueDescription {
     }
 }
 
+fn sampling_share() -> f64 {
+    0.05
+}
+
 fn one() -> f64 {
     1.0
 }
@@ -208,6 +225,18 @@ pub enum IntegratorKind {
     Newton,
     /// Central differences with lumped mass in substeps, contact solved in each of them.
     Explicit,
+}
+
+/// When the system matrix is factored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Refactor {
+    /// In every step, before the free motion: no factor is ever old, and there is no factor thread.
+    Step,
+    /// By a thread of its own at `rates.factor`, from the matrix of a past step.
+    Thread,
+    /// Before the first step.
+    Once,
 }
 
 /// When Newton's iterations of one step stop.

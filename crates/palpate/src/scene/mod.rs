@@ -12,8 +12,8 @@ pub use bundled::{BUNDLED_SCENES, BundledScene};
 pub(crate) use check::MOST_SUBSTEPS;
 pub use description::{
     Axis, BodyDescription, ContactDescription, ContactMethod, DeviceDescription, ExplicitDescription, HandDescription,
-    IntegratorKind, NewtonDescription, NodeSelection, Plane, RatesDescription, SceneDescription, SolverDescription,
-    TissueDescription, ToolDescription,
+    IntegratorKind, NewtonDescription, NodeSelection, Plane, RatesDescription, Refactor, SceneDescription,
+    SolverDescription, TissueDescription, ToolDescription,
 };
 pub use error::{InvalidScene, SceneError};
 

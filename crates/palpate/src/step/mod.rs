@@ -19,11 +19,13 @@
 //! Contacts are found at the configuration of the step's begin, where the last correction left the skin outside the
 //! tool; `q_free` would show the tool deep in tissue that has already sprung back.
 
+mod accuracy;
 mod direct;
 mod guard;
 mod lagrange;
 mod newton;
 mod penalty;
+mod preconditioner;
 mod report;
 mod stages;
 mod workspace;
@@ -39,7 +41,7 @@ use self::newton::newton_with_contact;
 use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
 
-pub use report::{FailedElement, StepReport, StepStatus, StepTimes};
+pub use report::{ComplianceError, FailedElement, StepReport, StepStatus, StepTimes};
 pub use workspace::{StepState, StepWorkspace};
 
 /// What a step reads from the other threads.
@@ -75,6 +77,9 @@ pub fn step(
             guard(world, state, ws, &mut report);
             report.times.free_motion = clock.lap();
             contact(world, input, state, ws, &mut report, &mut clock);
+            if ws.own_is_current {
+                report.factor_age = 0.0;
+            }
         }
         Integration::Newton(config) => {
             report.factor_age = 0.0;
@@ -85,6 +90,9 @@ pub fn step(
             explicit(world, input, *substeps, state, ws, &mut report, &mut clock);
         }
     }
+    accuracy::sample_column(world, input.factor, ws, &mut report);
+    report.times.sampling = clock.lap();
+    accuracy::choose_next(world, state, &report);
     stages::hand_over(world, input, state, ws, &report, snapshot);
     state.tool = Some(input.tool);
     state.step += 1;
@@ -105,7 +113,7 @@ fn contact(
     stages::detection(world, &input.tool, state, ws, report);
     report.times.detection += clock.lap();
     stages::rows(world, &input.tool, state, ws, report);
-    stages::compliance(world, input.factor, ws, report);
+    stages::compliance(world, input.factor, state.exact_steps, ws, report);
     report.times.compliance += clock.lap();
     stages::solve(world, input, state, ws, report);
     report.times.solve += clock.lap();

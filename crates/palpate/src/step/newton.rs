@@ -46,7 +46,7 @@ pub(super) fn newton_with_contact(
         motion(world, config, state, ws, report);
         report.times.free_motion += clock.lap();
         stages::rows(world, tool, state, ws, report);
-        stages::compliance(world, input.factor, ws, report);
+        stages::compliance(world, input.factor, 0, ws, report);
         relieve(ws);
         report.times.compliance += clock.lap();
         (report.active, report.indentation) = (0, 0.0);

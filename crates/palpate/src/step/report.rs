@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Vector3};
 use palpate_collision::detection::DetectionReport;
-use palpate_constraints::compliance::ComplianceReport;
+use palpate_constraints::compliance::{ComplianceMethod, ComplianceReport};
 use palpate_constraints::rows::RowReport;
 use palpate_fem::assembly::AssemblyReport;
 use palpate_fem::pcg::{PcgReport, PcgStatus};
@@ -31,6 +31,34 @@ pub struct FailedElement {
     pub region: u16,
 }
 
+/// How wrong compliance and motion of a step are. NaN where nothing was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ComplianceError {
+    /// `‖(W_A - W) λ‖ / ‖W_A λ‖` with `W_A` of this step's matrix: the relative error of `W` along the forces. A by-product
+    /// of the exact correction.
+    pub along_forces: f64,
+    /// Largest error of a column of `W`, relative to the largest entry of the exact column.
+    pub sampled: f64,
+    /// Row whose column was compared.
+    pub sampled_row: u32,
+    /// Iterations of the exact correction.
+    pub correction_iterations: u32,
+    /// How deep the worst contact overlaps after the correction (m): what `W` missed.
+    pub overlap: f64,
+}
+
+impl ComplianceError {
+    /// Nothing was measured.
+    pub const NONE: Self =
+        Self { along_forces: f64::NAN, sampled: f64::NAN, sampled_row: 0, correction_iterations: 0, overlap: 0.0 };
+
+    /// The greater of the two measured errors; `None` where neither was.
+    pub fn measured(&self) -> Option<f64> {
+        let worst = self.along_forces.max(self.sampled); // ignores one NaN
+        (!worst.is_nan()).then_some(worst)
+    }
+}
+
 /// Wall time of the stages (s).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StepTimes {
@@ -46,6 +74,8 @@ pub struct StepTimes {
     pub solve: f64,
     /// Correction and the check that the body is finite.
     pub correction: f64,
+    /// Comparing a column of `W` with the exact one.
+    pub sampling: f64,
     /// Filling the snapshot.
     pub hand_over: f64,
     /// All of it.
@@ -60,6 +90,7 @@ impl StepTimes {
             + self.compliance
             + self.solve
             + self.correction
+            + self.sampling
             + self.hand_over
     }
 }
@@ -91,6 +122,10 @@ pub struct StepReport {
     pub rows: RowReport,
     /// `W`; where it is not usable the step goes on without contact.
     pub compliance: ComplianceReport,
+    /// Method that gave `W`.
+    pub method: ComplianceMethod,
+    /// How wrong `W` and the motion are.
+    pub error: ComplianceError,
     /// True where exact compliance was asked for and this step's matrix could not be factored.
     pub refused: bool,
     /// Constraint solve. Iterations are those of the scene's solver, interior-point iterations of Lagrange multipliers or
@@ -148,6 +183,8 @@ impl StepReport {
             },
             rows: RowReport::default(),
             compliance: ComplianceReport { rows: 0, diagonal: [0.0; 2], asymmetry: 0.0, usable: true },
+            method: ComplianceMethod::Automatic,
+            error: ComplianceError::NONE,
             refused: false,
             solve: NOT_SOLVED,
             active: 0,
@@ -164,7 +201,7 @@ impl StepReport {
     }
 
     /// Names and units of [`StepReport::row`].
-    pub const COLUMNS: [&'static str; 27] = [
+    pub const COLUMNS: [&'static str; 31] = [
         "step",
         "time_s",
         "tool_x_m",
@@ -190,12 +227,16 @@ impl StepReport {
         "cg_residual",
         "factor_epoch",
         "factor_age_s",
+        "compliance_error_along_forces",
+        "compliance_error_sampled",
+        "correction_iterations",
+        "overlap_m",
         "rolled_back",
         "work_s",
     ];
 
     /// The report as one row of a table.
-    pub fn row(&self) -> [f64; 27] {
+    pub fn row(&self) -> [f64; 31] {
         let p = self.tool.translation.vector;
         let r = self.tool.rotation;
         [
@@ -224,6 +265,10 @@ impl StepReport {
             self.free_motion.relative_residual,
             self.factor_epoch as f64,
             self.factor_age,
+            self.error.along_forces,
+            self.error.sampled,
+            f64::from(self.error.correction_iterations),
+            self.error.overlap,
             f64::from(u8::from(self.status == StepStatus::RolledBack)),
             self.times.total,
         ]

@@ -11,22 +11,31 @@ use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::integrator::backward_euler::factor_end;
 use palpate_fem::integrator::explicit::explicit_velocity;
 use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
-use palpate_fem::preconditioner::WarpedPreconditioner;
 use palpate_fem::rotation::nodal_rotations;
 use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
 use palpate_solver::report::{SolveReport, SolveStatus};
 
+use super::accuracy;
 use super::direct::direct_contact;
+use super::preconditioner::StepPreconditioner;
 use super::workspace::NewtonStage;
 use super::{FailedElement, StepInput, StepReport, StepState, StepStatus, StepWorkspace};
 use crate::refresh::FactorSample;
+use crate::scene::Refactor;
 use crate::world::{Integration, World};
 
 /// How far (m) a contact may slide from a remembered force and still start from it: a few tool motions of one step.
 const WARM_START_RADIUS: f64 = 5e-3;
 
+/// Factors this step's matrix into the step's own memory.
+fn refactor(ws: &mut StepWorkspace, report: &mut StepReport) {
+    let Some(own) = &mut ws.own else { return };
+    ws.own_is_current = own.refactor(&ws.fem.system).status == FactorStatus::Ok;
+    report.refused = !ws.own_is_current;
+}
+
 /// `A dv = b` by conjugate gradients from zero, preconditioned by the factor warped with the rotations since it was
-/// taken; then the free velocity `v + dv`.
+/// taken, or by the step's own where the plan makes one first; then the free velocity `v + dv`.
 pub(super) fn free_motion(
     world: &World,
     factor: &FactorSample,
@@ -35,11 +44,19 @@ pub(super) fn free_motion(
     report: &mut StepReport,
 ) {
     let body = &world.description().bodies[0];
-    nodal_rotations(world.model(), &factor.q, &state.fem.q, &mut ws.rotations);
-    let mut preconditioner =
-        WarpedPreconditioner { factor: &factor.factor, rotations: &ws.rotations, workspace: &mut ws.solve };
+    let plan = world.plan();
+    ws.own_is_current = false;
+    if plan.refactor == Refactor::Step {
+        refactor(ws, report);
+    }
+    // Where every matrix is the first, its factor knows nothing of rotations.
+    if !ws.own_is_current && !plan.constant {
+        nodal_rotations(world.model(), &factor.q, &state.fem.q, &mut ws.rotations);
+    }
     let config = PcgConfig { relative_tolerance: body.tolerance, max_iterations: body.max_iterations };
     ws.v_free.fill(0.0);
+    let own = ws.own.as_ref().filter(|_| ws.own_is_current);
+    let mut preconditioner = StepPreconditioner::new(own, factor, &ws.rotations, &mut ws.solve);
     report.free_motion = pcg(&ws.fem.system, &ws.fem.rhs, &mut ws.v_free, &mut preconditioner, config, &mut ws.pcg);
     for (dv, &node) in ws.v_free.chunks_exact_mut(3).zip(world.model().node_of_free()) {
         let v = &state.fem.v[node as usize];
@@ -117,12 +134,21 @@ fn contact_law(world: &World) -> Law {
 ///
 /// Where this step's matrix cannot be factored, the latest factor serves, and the report says so. Where that cannot give
 /// `W` either, the step goes on without contact.
-pub(super) fn compliance(world: &World, factor: &FactorSample, ws: &mut StepWorkspace, report: &mut StepReport) {
+pub(super) fn compliance(
+    world: &World,
+    factor: &FactorSample,
+    exact_steps: u32,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
+) {
     if ws.rows.is_empty() {
         return;
     }
-    if let Some(exact) = ws.exact.as_mut().filter(|_| ws.newton.is_none()) {
-        report.refused = exact.refactor(&ws.fem.system).status != FactorStatus::Ok;
+    let plan = world.plan();
+    let exact = plan.compliance == ComplianceMethod::Exact && !plan.constant || exact_steps > 0;
+    // What was refused before the free motion would be refused again.
+    if exact && !ws.own_is_current && !report.refused && *world.integration() == Integration::BackwardEuler {
+        refactor(ws, report);
     }
     if let Some(newton) = &mut ws.newton {
         newton.factored = factor_end(world.model(), ws.dt, &newton.free, &mut newton.ws);
@@ -135,32 +161,42 @@ pub(super) fn compliance(world: &World, factor: &FactorSample, ws: &mut StepWork
             compliance::assemble(inverse, &ws.rows.tissue, ws.dt, w, &mut explicit.compliance)
         }
         None => {
-            let inverse = inverse(factor, ws.exact.as_ref(), ws.newton.as_ref(), &ws.rotations);
+            let own = ws.own.as_ref().filter(|_| ws.own_is_current);
+            let inverse = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
+            report.method = inverse.1;
+            let inverse = inverse.0;
             compliance::assemble(inverse, &ws.rows.tissue, ws.dt, w, &mut ws.compliance)
         }
     };
 }
 
-/// What stands for `A⁻¹` in compliance and correction: this step's own factor where there is a valid one.
-fn inverse<'a>(
+/// What stands for `A⁻¹` in compliance and correction, and which method that is: this step's own factor where there is a
+/// valid one.
+pub(super) fn inverse<'a>(
+    world: &World,
     latest: &'a FactorSample,
-    exact: Option<&'a Factor>,
+    own: Option<&'a Factor>,
     newton: Option<&'a NewtonStage>,
     rotations: &'a [Matrix3<f64>],
-) -> WarpedInverse<'a, Factor> {
+) -> (WarpedInverse<'a, Factor>, ComplianceMethod) {
     let own = match newton {
         Some(newton) => newton.factored.then_some(&newton.ws.factor),
-        None => exact.filter(|own| own.is_valid()),
+        None if world.plan().constant => Some(&latest.factor),
+        None => own,
     };
     match own {
-        Some(own) => WarpedInverse::new(ComplianceMethod::Exact, own, rotations),
-        None => WarpedInverse::new(ComplianceMethod::Asynchronous, &latest.factor, rotations),
+        Some(own) => (WarpedInverse::new(ComplianceMethod::Exact, own, rotations), ComplianceMethod::Exact),
+        None => {
+            let warped = world.plan().refactor != Refactor::Thread;
+            let method = if warped { ComplianceMethod::Warped } else { ComplianceMethod::Asynchronous };
+            (WarpedInverse::new(method, &latest.factor, rotations), method)
+        }
     }
 }
 
 /// `h A⁻¹ Hᵀ lambda` into `ws.correction`, with the inverse that gave `W`, for the part of `lambda` that the free motion
 /// does not carry already, or the motion of a direct approach; false where that cannot be.
-fn correction(factor: &FactorSample, ws: &mut StepWorkspace) -> bool {
+fn correction(world: &World, factor: &FactorSample, ws: &mut StepWorkspace) -> bool {
     if let Some(direct) = &ws.direct {
         ws.correction.copy_from_slice(&direct.motion);
         return true;
@@ -176,7 +212,8 @@ fn correction(factor: &FactorSample, ws: &mut StepWorkspace) -> bool {
             compliance::correct(inverse, lambda, ws.dt, &mut ws.correction, &mut explicit.compliance)
         }
         None => {
-            let inverse = inverse(factor, ws.exact.as_ref(), ws.newton.as_ref(), &ws.rotations);
+            let own = ws.own.as_ref().filter(|_| ws.own_is_current);
+            let (inverse, _) = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
             compliance::correct(inverse, lambda, ws.dt, &mut ws.correction, &mut ws.compliance)
         }
     }
@@ -279,8 +316,11 @@ pub(super) fn correct(
 ) {
     let h = ws.dt;
     let touched = ws.lambda[..ws.rows.len()].iter().any(|&l| l != 0.0);
-    if touched && !correction(factor, ws) {
+    if touched && !correction(world, factor, ws) {
         ws.correction.fill(f64::NAN);
+    }
+    if touched {
+        accuracy::correct_exactly(world, factor, ws, report);
     }
     // Explicit forces are those of a step that ended where this one begins.
     let explicit = matches!(world.integration(), Integration::Explicit { .. });

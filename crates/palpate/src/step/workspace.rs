@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::contact::ContactSet;
 use palpate_collision::detection::DetectionWorkspace;
-use palpate_constraints::compliance::{ComplianceMethod, ComplianceWorkspace};
+use palpate_constraints::compliance::ComplianceWorkspace;
 use palpate_constraints::lumped::LumpedInverse;
 use palpate_constraints::rows::ContactRows;
 use palpate_constraints::warm_start::WarmStart;
@@ -35,6 +35,8 @@ pub struct StepState {
     pub tool: Option<Isometry3<f64>>,
     /// Forces of the last step by surface feature.
     pub warm_start: WarmStart,
+    /// Steps that are still taken exactly because an earlier one missed the scene's accuracy.
+    pub exact_steps: u32,
     /// Contacts of the last step; they carry the side from which the tool came.
     pub contacts: ContactSet,
     /// The state before the last step, to which a failed step returns.
@@ -50,6 +52,7 @@ impl StepState {
         Self {
             step: 0,
             tool: None,
+            exact_steps: 0,
             warm_start: WarmStart::with_capacity(capacity),
             contacts: ContactSet::with_capacity(capacity),
             before: rest.clone(),
@@ -156,8 +159,15 @@ pub struct StepWorkspace {
     pub(super) limits: (f64, u32),
     /// The direct approach of contact, where the scene wants one.
     pub(super) direct: Option<DirectStage>,
-    /// Factor of this step's own matrix, where the scene asks for exact compliance.
-    pub(super) exact: Option<Factor>,
+    /// Factor of this step's own matrix, where the plan may want one.
+    pub(super) own: Option<Factor>,
+    /// Whether `own` is that of the step at hand.
+    pub(super) own_is_current: bool,
+    /// Right side and solution of solves besides the free motion.
+    pub(super) load: Vec<f64>,
+    pub(super) sample: Vec<f64>,
+    /// The unit force whose column is compared.
+    pub(super) lambda_of_sample: Vec<f64>,
     /// Newton's method, where it integrates.
     pub(super) newton: Option<NewtonStage>,
     /// Central differences, where they integrate.
@@ -194,7 +204,7 @@ impl StepWorkspace {
         let rows = ROWS * contacts;
         let wanted = &world.description().solver;
         let solver = wanted.kind.solver().limited(wanted.tolerance, Some(wanted.max_sweeps));
-        let exact = world.description().bodies[0].compliance == ComplianceMethod::Exact;
+        let own = world.plan().has_own_factor();
         let (mut newton, mut explicit, mut dt) = (None, None, world.dt());
         match *world.integration() {
             Integration::BackwardEuler => {}
@@ -229,7 +239,11 @@ impl StepWorkspace {
             lambda: vec![0.0; rows],
             solver,
             solver_workspace: solver.workspace(rows),
-            exact: exact.then(|| Factor::new(Arc::clone(symbolic))),
+            own: own.then(|| Factor::new(Arc::clone(symbolic))),
+            own_is_current: false,
+            load: vec![0.0; 3 * free],
+            sample: vec![0.0; 3 * free],
+            lambda_of_sample: vec![0.0; rows],
             size: world.mesh().bounding_box().diagonal(),
         }
     }

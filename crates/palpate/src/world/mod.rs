@@ -4,6 +4,7 @@ mod elements;
 mod fixed;
 mod geometry;
 mod integration;
+mod plan;
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -25,6 +26,7 @@ use geometry::{Loaded, load};
 
 pub use geometry::{is_surface, make};
 pub use integration::{EXPLICIT_SAFETY, Integration};
+pub use plan::Plan;
 
 /// A scene made ready to run.
 pub struct World {
@@ -37,6 +39,7 @@ pub struct World {
     geometry: SurfaceGeometry,
     detection: DetectionConfig,
     integration: Integration,
+    plan: Plan,
     warnings: Vec<String>,
 }
 
@@ -107,6 +110,11 @@ impl World {
             }
             (method, _) => method.name().into(),
         }
+    }
+
+    /// The methods of a run, and why.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
     }
 
     /// What is odd but no mistake.
@@ -181,11 +189,12 @@ impl World {
             d.rates.factor,
             d.rates.tick,
             match self.integration {
-                Integration::BackwardEuler => format!("{:?}", body.compliance).to_lowercase(),
-                Integration::Newton(_) => "of the step's own matrix".into(),
-                Integration::Explicit { .. } => "of the lumped mass, in every substep".into(),
+                Integration::BackwardEuler => self.plan.compliance.name(),
+                Integration::Newton(_) => "of the step's own matrix",
+                Integration::Explicit { .. } => "of the lumped mass, in every substep",
             }
         );
+        let _ = writeln!(text, "plan: {}", self.plan);
         let _ = write!(
             text,
             "factor: {:.2} million nonzeros, {:.0} million operations; device {}, hand {}, {} s",
@@ -279,6 +288,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         .map_err(|e| scene.at("body.0", e.to_string(), "use a smaller mesh"))?;
     let symbolic = Arc::new(symbolic);
     let integration = Integration::new(scene, &model, &symbolic, 1.0 / description.rates.step)?;
+    let plan = Plan::new(description, &integration, &symbolic);
     let contact = &description.contact;
     let detection = DetectionConfig {
         kind: contact.at,
@@ -301,6 +311,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         geometry,
         detection,
         integration,
+        plan,
         warnings,
     };
     tool_outside(&world)?;

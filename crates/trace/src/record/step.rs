@@ -79,5 +79,15 @@ record! {
         25 => tool_position: [f64; 3], "m";
         /// Its orientation `[x, y, z, w]`.
         26 => tool_orientation: [f64; 4], "";
+        /// Relative error of the compliance along the contact forces; NaN where it was not measured.
+        27 => compliance_error: f64, "";
+        /// Relative error of the column of the compliance that was compared; NaN where none was.
+        28 => sampled_error: f64, "";
+        /// Its row.
+        29 => sampled_row: u32, "";
+        /// Iterations of the exact correction.
+        30 => correction_iterations: u32, "";
+        /// Deepest overlap that the correction left (m).
+        31 => overlap: f64, "m";
     }
 }

@@ -80,6 +80,11 @@ pub(crate) fn step(step: u64) -> StepRecord {
         flags: if step % 7 == 6 { StepFlags::FACTOR_REFUSED } else { StepFlags::default() },
         tool_position: [0.0, 0.0, 0.03],
         tool_orientation: [0.0, 0.0, 0.0, 1.0],
+        compliance_error: 0.03,
+        sampled_error: 0.04,
+        sampled_row: 4,
+        correction_iterations: 6,
+        overlap: 2e-5,
         ..StepRecord::default()
     }
 }

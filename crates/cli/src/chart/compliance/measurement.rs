@@ -1,0 +1,198 @@
+//! One step by each method: its time, and the error of forces and motion against those of the step's own matrix.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use miette::{Result, miette};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use palpate::constraints::compliance::{self, ComplianceMethod, ComplianceWorkspace, MotionCorrection, WarpedInverse};
+use palpate::constraints::law::Coulomb;
+use palpate::fem::assembly::{FemWorkspace, assemble};
+use palpate::fem::factor::{Factor, FactorStatus, ReachWorkspace, SolveWorkspace};
+use palpate::fem::model::FemState;
+use palpate::fem::nodal_rows::NodalRows;
+use palpate::fem::pcg::{PcgConfig, PcgWorkspace, pcg};
+use palpate::fem::preconditioner::WarpedPreconditioner;
+use palpate::fem::rotation::nodal_rotations;
+use palpate::prelude::*;
+use palpate::solver::problem::ConstraintProblem;
+use palpate::solver::solver::{Solver, SolverWorkspace};
+
+use super::body::{STEPS, contacts, unturned};
+
+/// Coefficient of friction.
+const FRICTION: f64 = 0.3;
+
+/// The contact solver's tolerance: far below the errors that are looked for.
+const TOLERANCE: f64 = 1e-10;
+
+/// A method and the age of its factor in steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Method {
+    pub(crate) warped: bool,
+    pub(crate) correction: MotionCorrection,
+    pub(crate) age: usize,
+}
+
+/// What a step by a method came to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Outcome {
+    /// Relative error of the forces in the norm of the exact compliance: `‖λ - λ*‖_W / ‖λ*‖_W`.
+    pub(crate) force: f64,
+    /// Relative error of the correction of the motion, `‖Δv - Δv*‖ / ‖Δv*‖`.
+    pub(crate) motion: f64,
+    /// Iterations of the free motion, and of the exact correction.
+    pub(crate) iterations: [usize; 2],
+    /// Time of rotations, free motion, compliance, forces and correction (s); of the factorisation too for the exact
+    /// method.
+    pub(crate) time: f64,
+}
+
+/// A step of a body, ready to be taken by every method.
+pub(crate) struct Step<'w> {
+    world: &'w World,
+    path: &'w [Vec<Vector3<f64>>],
+    fem: FemWorkspace,
+    rows: NodalRows,
+    problem: ConstraintProblem,
+    solver: Solver,
+    solver_ws: SolverWorkspace,
+    reach: ComplianceWorkspace<ReachWorkspace>,
+    solve: SolveWorkspace,
+    pcg: PcgWorkspace,
+    rotations: Vec<Matrix3<f64>>,
+    v_free: Vec<f64>,
+    lambda: Vec<f64>,
+    correction: Vec<f64>,
+    load: Vec<f64>,
+    /// Compliance, forces and correction of the step's own matrix.
+    exact: (DMatrix<f64>, DVector<f64>, Vec<f64>),
+}
+
+impl<'w> Step<'w> {
+    /// The step after the path, with its exact solution.
+    pub(crate) fn new(world: &'w World, path: &'w [Vec<Vector3<f64>>]) -> Result<Self> {
+        let (rows, gaps) = contacts(world, &path[STEPS]);
+        let m = rows.len();
+        let mut problem = ConstraintProblem::with_capacity(m);
+        problem.reset(m).map_err(|e| miette!("{e}"))?;
+        (0..m / 3).for_each(|_| problem.push_block(Coulomb { friction: FRICTION }.into()));
+        problem.delta_free_mut().copy_from_slice(&gaps);
+        let solver = Solver::from_name("gauss_seidel").ok_or_else(|| miette!("there is no such solver"))?;
+        let solver = solver.limited(TOLERANCE, Some(100_000));
+        let free = 3 * world.model().free_nodes();
+        let mut step = Self {
+            world,
+            path,
+            fem: FemWorkspace::new(world.model()),
+            problem,
+            solver,
+            solver_ws: solver.workspace(m),
+            reach: ComplianceWorkspace::new(m, ReachWorkspace::new(world.symbolic(), m)),
+            solve: SolveWorkspace::new(world.symbolic()),
+            pcg: PcgWorkspace::new(world.model().free_nodes()),
+            rotations: unturned(world),
+            v_free: vec![0.0; free],
+            lambda: vec![0.0; m],
+            correction: vec![0.0; free],
+            load: vec![0.0; free],
+            exact: (DMatrix::zeros(m, m), DVector::zeros(m), vec![0.0; free]),
+            rows,
+        };
+        step.assemble(STEPS);
+        let mut factor = step.factor(STEPS)?;
+        step.take(&mut factor, None);
+        let view = step.problem.view();
+        let w = DMatrix::from_fn(m, m, |i, j| view.column(j)[i]);
+        step.exact = (w, DVector::from_column_slice(&step.lambda), step.correction.clone());
+        Ok(step)
+    }
+
+    fn state(&self, k: usize) -> FemState {
+        let mut state = self.world.model().rest_state();
+        let (now, before) = (&self.path[k], &self.path[k.saturating_sub(1)]);
+        state.q.clone_from(now);
+        for ((v, now), before) in state.v.iter_mut().zip(now).zip(before) {
+            *v = (now - before) / self.world.dt();
+        }
+        state
+    }
+
+    /// Matrix and right side at step `k` of the path.
+    fn assemble(&mut self, k: usize) {
+        assemble(self.world.model(), &self.state(k), self.world.dt(), &[], &mut self.fem);
+    }
+
+    /// The factor of the matrix at step `k`; leaves the matrix of the measured step behind.
+    pub(crate) fn factor(&mut self, k: usize) -> Result<Factor> {
+        self.assemble(k);
+        let mut factor = Factor::new(Arc::clone(self.world.symbolic()));
+        let status = factor.refactor(&self.fem.system).status;
+        self.assemble(STEPS);
+        if status == FactorStatus::Ok { Ok(factor) } else { Err(miette!("step {k} has no factor: {status:?}")) }
+    }
+
+    /// The step by a method (`None`: the exact one, which factors first), several times for its time.
+    pub(crate) fn measure(&mut self, factor: &mut Factor, method: Option<Method>, times: usize) -> Outcome {
+        let mut durations = Vec::with_capacity(times);
+        let mut iterations = [0; 2];
+        for _ in 0..times.max(1) {
+            let begin = Instant::now();
+            iterations = self.take(factor, method);
+            durations.push(begin.elapsed().as_secs_f64());
+        }
+        durations.sort_by(f64::total_cmp);
+        let (w, lambda, correction) = &self.exact;
+        let wrong = DVector::from_column_slice(&self.lambda) - lambda;
+        let energy = |x: &DVector<f64>| x.dot(&(w * x)).max(0.0).sqrt();
+        let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>().sqrt();
+        let missed = norm(&mut self.correction.iter().zip(correction).map(|(a, b)| a - b));
+        Outcome {
+            force: energy(&wrong) / energy(lambda),
+            motion: missed / norm(&mut correction.iter().copied()),
+            iterations,
+            time: durations[durations.len() / 2],
+        }
+    }
+
+    /// Free motion, compliance, forces and correction; the iterations that they took.
+    fn take(&mut self, factor: &mut Factor, method: Option<Method>) -> [usize; 2] {
+        let dt = self.world.dt();
+        match method {
+            None => {
+                factor.refactor(&self.fem.system);
+                self.rotations.fill(Matrix3::identity());
+            }
+            Some(method) if method.warped => {
+                let from = &self.path[STEPS - method.age];
+                nodal_rotations(self.world.model(), from, &self.path[STEPS], &mut self.rotations);
+            }
+            Some(_) => self.rotations.fill(Matrix3::identity()),
+        }
+        let config = PcgConfig { relative_tolerance: 1e-6, max_iterations: 500 };
+        let system = &self.fem.system;
+        let mut preconditioner =
+            WarpedPreconditioner { factor, rotations: &self.rotations, workspace: &mut self.solve };
+        self.v_free.fill(0.0);
+        let free = pcg(system, &self.fem.rhs, &mut self.v_free, &mut preconditioner, config, &mut self.pcg);
+        let inverse = match method {
+            None => WarpedInverse::new(ComplianceMethod::Exact, &*factor, &self.rotations),
+            Some(_) => WarpedInverse::new(ComplianceMethod::Asynchronous, &*factor, &self.rotations),
+        };
+        compliance::assemble(inverse, &self.rows, dt, self.problem.compliance_mut(), &mut self.reach);
+        self.lambda.fill(0.0);
+        self.solver.solve(&self.problem.view(), &mut self.lambda, &mut self.solver_ws);
+        compliance::correct(inverse, &self.lambda, dt, &mut self.correction, &mut self.reach);
+        let mut corrected = 0;
+        if method.is_some_and(|method| method.correction == MotionCorrection::Exact) {
+            self.load.fill(0.0);
+            self.rows.add_transposed(&self.lambda, &mut self.load);
+            self.load.iter_mut().for_each(|b| *b *= dt);
+            let mut preconditioner =
+                WarpedPreconditioner { factor, rotations: &self.rotations, workspace: &mut self.solve };
+            let exactly = pcg(system, &self.load, &mut self.correction, &mut preconditioner, config, &mut self.pcg);
+            corrected = exactly.iterations;
+        }
+        [free.iterations, corrected]
+    }
+}

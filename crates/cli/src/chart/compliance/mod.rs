@@ -1,0 +1,143 @@
+//! Compliance: error of forces and motion against time per step, by method and age of the factor.
+
+mod body;
+mod measurement;
+
+use miette::Result;
+use palpate::constraints::compliance::MotionCorrection;
+
+use super::plot::{Axis, Layout, Mark, Panel, Series};
+use super::table::{Table, Value};
+use super::{Chart, NamedTable, Settings, Work};
+use body::{Motion, STEPS, organ, positions};
+use measurement::{Method, Outcome, Step};
+
+/// Ages of the factor (steps).
+const AGES: [usize; 5] = [0, 1, 3, 10, 30];
+
+/// Least error that is drawn (%): below are the tolerances of the solvers.
+const FLOOR: f64 = 1e-6;
+
+/// Stiffness of the lesion relative to the rest.
+const RATIOS: [f64; 2] = [1.0, 1e3];
+
+const COLUMNS: [&str; 11] = [
+    "nodes",
+    "stiffness ratio",
+    "motion",
+    "method",
+    "warped",
+    "correction",
+    "age [steps]",
+    "error of forces [%]",
+    "error of motion [%]",
+    "iterations",
+    "step [ms]",
+];
+
+/// Measures everything that `palpate chart compliance` shows.
+pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
+    let cells: &[f64] = if settings.quick { &[0.025] } else { &[0.0155, 0.0105] };
+    let ratios = if settings.quick { &RATIOS[..1] } else { &RATIOS[..] };
+    let mut notes = Vec::new();
+    let (mut table, mut panels) = (Table::new(&COLUMNS), Vec::new());
+    work.expect(cells.len() * ratios.len() * Motion::ALL.len());
+    'all: for &cell in cells {
+        for &ratio in ratios {
+            let world = organ(cell, ratio)?;
+            let name = format!("{} nodes, ratio {ratio}", world.mesh().nodes.len());
+            for motion in Motion::ALL {
+                if !work.next(&format!("{name}, {}", motion.name())) {
+                    notes.push("ended early: what was measured until then".into());
+                    break 'all;
+                }
+                let Some(path) = positions(&world, motion) else {
+                    notes.push(format!("{name}, {}: a step failed, nothing was measured", motion.name()));
+                    continue;
+                };
+                let times = if settings.quick { 1 } else { 5 };
+                let outcomes = outcomes(&mut Step::new(&world, &path)?, times)?;
+                for (method, outcome) in &outcomes {
+                    table.push(row(&world, ratio, motion, *method, outcome));
+                }
+                // At rest no factor is old.
+                if motion != Motion::Still {
+                    panels.extend(draw(&format!("{name}, {}", motion.name()), &outcomes));
+                }
+            }
+        }
+    }
+    let title =
+        "Compliance of 10 frictional contacts: error against time per step on one core, factor 0 to 30 steps old";
+    let heading = "Errors of forces (in the norm of W) and of the correction of the motion, and time of a step without assembly \
+                   and detection; the factor of the asynchronous methods is made by another thread";
+    let tables = vec![NamedTable { file: "compliance", title: heading.into(), table }];
+    Ok(Chart { title: title.into(), panels, layout: Layout::columns(4), tables, notes })
+}
+
+/// One step by every method and age; `None` is the exact one.
+fn outcomes(step: &mut Step<'_>, times: usize) -> Result<Vec<(Option<Method>, Outcome)>> {
+    let mut own = step.factor(STEPS)?;
+    let mut all = vec![(None, step.measure(&mut own, None, times))];
+    for age in AGES {
+        let mut factor = step.factor(STEPS - age)?;
+        for warped in [true, false] {
+            for correction in [MotionCorrection::Matching, MotionCorrection::Exact] {
+                let method = Some(Method { warped, correction, age });
+                all.push((method, step.measure(&mut factor, method, times)));
+            }
+        }
+    }
+    Ok(all)
+}
+
+fn row(
+    world: &palpate::world::World,
+    ratio: f64,
+    motion: Motion,
+    method: Option<Method>,
+    outcome: &Outcome,
+) -> Vec<Value> {
+    let [free, corrected] = outcome.iterations;
+    vec![
+        world.mesh().nodes.len().into(),
+        Value::Number(ratio, 0),
+        motion.name().into(),
+        if method.is_some() { "async" } else { "exact" }.into(),
+        method.map_or(Value::None, |m| if m.warped { "yes" } else { "no" }.into()),
+        method.map_or(Value::None, |m| m.correction.name().into()),
+        method.map_or(Value::None, |m| m.age.into()),
+        Value::Number(100.0 * outcome.force, 3),
+        Value::Number(100.0 * outcome.motion, 3),
+        format!("{free} + {corrected}").into(),
+        Value::Number(1e3 * outcome.time, 2),
+    ]
+}
+
+/// Error of the forces and of the motion, each against time.
+fn draw(title: &str, outcomes: &[(Option<Method>, Outcome)]) -> [Panel; 2] {
+    let panel = |what: &str, error: fn(&Outcome) -> f64| {
+        let mut series: Vec<Series> = Vec::new();
+        for (method, outcome) in outcomes {
+            let name = match method {
+                None => "exact: factored in the step".to_string(),
+                Some(m) => {
+                    let warped = if m.warped { "warped" } else { "not warped" };
+                    format!("async, {warped}, {} correction", m.correction.name())
+                }
+            };
+            let point = (1e3 * outcome.time, (100.0 * error(outcome)).max(FLOOR));
+            match series.iter_mut().find(|s| s.name == name) {
+                Some(s) => s.points.push(point),
+                None => series.push(Series { name, mark: Mark::Joined, points: vec![point] }),
+            }
+        }
+        Panel {
+            title: title.into(),
+            x: Axis::log("time per step [ms]"),
+            y: Axis::log(&format!("error of {what} [%]")),
+            series,
+        }
+    };
+    [panel("the forces", |o| o.force), panel("the motion", |o| o.motion)]
+}

@@ -1,0 +1,107 @@
+//! How wrong the compliance of a step is, and what is done about it.
+//!
+//! `W` of an old factor is that of another matrix, `W ≠ W_A = h² H A⁻¹ Hᵀ`. The contact forces satisfy their laws for
+//! `W`; whether the motion that follows obeys the equations of motion is a question of the correction alone.
+//! ```text
+//! A x = Hᵀ λ,   Δv = h x            exact correction: conjugate gradients from x₀ = R A₀⁻¹ Rᵀ Hᵀ λ
+//! h H Δv = W_A λ                    what the forces really open, against W λ
+//! A y = Hᵀ e_j,  h² H y = W_A e_j   one column, in turn
+//! ```
+//! The correction by the old inverse alone moves inner nodes as another body would move: a pressed fine block gains
+//! energy from step to step until it folds. With the exact one every step is the backward Euler step of the body under
+//! the forces `λ`, whose error is then only one of accuracy.
+
+use palpate_constraints::compliance::{self, ComplianceMethod, MotionCorrection};
+use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
+
+use super::preconditioner::StepPreconditioner;
+use super::stages::inverse;
+use super::{StepReport, StepState, StepStatus, StepWorkspace};
+use crate::refresh::FactorSample;
+use crate::world::{Integration, World};
+
+/// Relative residual at which a compared column counts as exact.
+const SAMPLE_TOLERANCE: f64 = 1e-6;
+
+/// Steps that are taken exactly after one that missed the accuracy, before the cheaper method is tried again.
+const EXACT_STEPS: u32 = 15;
+
+/// Improves `ws.correction` from the old inverse's to that of this step's matrix, where the plan wants that; measures the
+/// error of `W` along the forces and the overlap that remains.
+pub(super) fn correct_exactly(world: &World, factor: &FactorSample, ws: &mut StepWorkspace, report: &mut StepReport) {
+    if *world.integration() != Integration::BackwardEuler || !report.compliance.usable {
+        return;
+    }
+    let solved = report.method != ComplianceMethod::Exact && world.plan().correction == MotionCorrection::Exact;
+    if solved {
+        let body = &world.description().bodies[0];
+        ws.load.fill(0.0);
+        ws.rows.tissue.add_transposed(&ws.lambda, &mut ws.load);
+        ws.load.iter_mut().for_each(|b| *b *= ws.dt);
+        let config = PcgConfig { relative_tolerance: body.tolerance, max_iterations: body.max_iterations };
+        let mut preconditioner = StepPreconditioner::new(None, factor, &ws.rotations, &mut ws.solve);
+        let solve = pcg(&ws.fem.system, &ws.load, &mut ws.correction, &mut preconditioner, config, &mut ws.pcg);
+        report.error.correction_iterations = solve.iterations as u32;
+    }
+    let view = ws.problem.view();
+    let (mut missed, mut opened) = (0.0, 0.0);
+    for r in 0..ws.rows.len() {
+        let moved = ws.dt * ws.rows.tissue.dot(r, &ws.correction);
+        // W is symmetric: its column is its row.
+        let wanted: f64 = view.column(r).iter().zip(&ws.lambda).map(|(w, l)| w * l).sum();
+        missed += (moved - wanted) * (moved - wanted);
+        opened += moved * moved;
+    }
+    if solved && opened > 0.0 {
+        report.error.along_forces = (missed / opened).sqrt();
+    }
+    for block in &ws.rows.blocks {
+        let row = block.range().start;
+        let gap = ws.rows.delta_free[row] + ws.dt * ws.rows.tissue.dot(row, &ws.correction);
+        report.error.overlap = report.error.overlap.max(-gap);
+    }
+}
+
+/// Compares one column of a `W` that is not exact with the exact one, the rows in turn. Says nothing where the iterations that the plan
+/// grants do not suffice.
+pub(super) fn sample_column(world: &World, factor: &FactorSample, ws: &mut StepWorkspace, report: &mut StepReport) {
+    let m = ws.rows.len();
+    let most = world.plan().sample_iterations;
+    let measurable = report.compliance.usable && report.status == StepStatus::Advanced;
+    if most == 0 || m == 0 || !measurable || report.method == ComplianceMethod::Exact {
+        return;
+    }
+    let row = (report.step % m as u64) as usize;
+    ws.lambda_of_sample[..m].fill(0.0);
+    ws.lambda_of_sample[row] = 1.0;
+    let lambda = &ws.lambda_of_sample[..m];
+    ws.load.fill(0.0);
+    ws.rows.tissue.add_transposed(lambda, &mut ws.load);
+    let (inverse, _) = inverse(world, factor, None, None, &ws.rotations);
+    // Where there is no guess, the iterations begin at zero.
+    compliance::correct(inverse, lambda, 1.0, &mut ws.sample, &mut ws.compliance);
+    let config = PcgConfig { relative_tolerance: SAMPLE_TOLERANCE, max_iterations: most };
+    let mut preconditioner = StepPreconditioner::new(None, factor, &ws.rotations, &mut ws.solve);
+    let solve = pcg(&ws.fem.system, &ws.load, &mut ws.sample, &mut preconditioner, config, &mut ws.pcg);
+    if solve.status != PcgStatus::Converged {
+        return;
+    }
+    let view = ws.problem.view();
+    let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
+    for (r, w) in view.column(row).iter().enumerate() {
+        let exact = ws.dt * ws.dt * ws.rows.tissue.dot(r, &ws.sample);
+        worst = worst.max((w - exact).abs());
+        largest = largest.max(exact.abs());
+    }
+    if largest > 0.0 {
+        report.error.sampled = worst / largest;
+        report.error.sampled_row = row as u32;
+    }
+}
+
+/// Steps up to exact steps for a while where the scene's accuracy was missed.
+pub(super) fn choose_next(world: &World, state: &mut StepState, report: &StepReport) {
+    let Some(accuracy) = world.plan().accuracy else { return };
+    let missed = report.method != ComplianceMethod::Exact && report.error.measured().is_some_and(|e| e > accuracy);
+    state.exact_steps = if missed { EXACT_STEPS } else { state.exact_steps.saturating_sub(1) };
+}
