@@ -65,7 +65,11 @@ fn the_error_of_an_old_factor_is_what_is_told() {
         let along = ((&exact - &w) * &lambda).norm() / (&exact * &lambda).norm();
         println!("step {k}: sampled {:.4}, along the forces {:.4}", report.error.sampled, report.error.along_forces);
         assert!((report.error.sampled - sampled).abs() < 1e-3 * sampled + 1e-5, "{} {sampled}", report.error.sampled);
-        assert!((report.error.along_forces - along).abs() < 1e-5 * along + 1e-7, "{} {along}", report.error.along_forces);
+        assert!(
+            (report.error.along_forces - along).abs() < 1e-5 * along + 1e-7,
+            "{} {along}",
+            report.error.along_forces
+        );
         assert!(sampled > 0.01, "a factor that is never refreshed is wrong, not by {sampled}");
         checked += 1;
     }

@@ -107,7 +107,10 @@ fn a_factor_that_ages_too_fast_is_refreshed_before_its_turn() {
     });
     let summary = &outcome.summary;
     let oldest = recorder.steps.iter().map(|r| r.factor_age).fold(0.0, f64::max);
-    println!("{} of {} early, oldest {oldest:.2} s, iterations {:?}", summary.factors_early, summary.factors, summary.iterations);
+    println!(
+        "{} of {} early, oldest {oldest:.2} s, iterations {:?}",
+        summary.factors_early, summary.factors, summary.iterations
+    );
     assert_eq!(summary.end, RunEnd::Completed);
     // One at the begin by its turn.
     assert!(summary.factors_early >= 2 && summary.factors >= summary.factors_early + 1, "{summary:?}");

@@ -18,7 +18,13 @@ use palpate::trace::{Attachment, Trace, TraceConfig, TraceWriter};
 use block::Recorder;
 
 fn lockstep(threads: Option<usize>, trace: Option<&Path>) -> RunOptions {
-    RunOptions { length: Length::Seconds(1.2), lockstep: true, threads, trace: trace.map(Into::into) }
+    RunOptions {
+        length: Length::Seconds(1.2),
+        lockstep: true,
+        threads,
+        trace: trace.map(Into::into),
+        ..RunOptions::default()
+    }
 }
 
 fn bits(v: &Vector3<f64>) -> [u64; 3] {

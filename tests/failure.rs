@@ -22,7 +22,7 @@ use palpate::trace::{StepFlags, Trace};
 use block::{SKIN, STEPS, distance, pose, record, world};
 
 fn lockstep() -> RunOptions {
-    RunOptions { length: Length::Seconds(1.2), lockstep: true, threads: Some(1), trace: None }
+    RunOptions { length: Length::Seconds(1.2), lockstep: true, threads: Some(1), ..RunOptions::default() }
 }
 
 fn no_change(_: &mut SceneDescription) {}

@@ -65,7 +65,7 @@ fn newton_and_explicit_runs_have_the_same_bits_for_any_number_of_threads() {
         });
         let run = |threads| {
             let options =
-                RunOptions { length: Length::Seconds(0.6), lockstep: true, threads: Some(threads), trace: None };
+                RunOptions { length: Length::Seconds(0.6), lockstep: true, threads: Some(threads), ..RunOptions::default() };
             let (outcome, recorder) = record(&world, &options);
             assert!(outcome.summary.largest_force > 0.01, "{:?}", outcome.summary);
             assert_eq!(outcome.summary.factors, 0, "no factor of an older step is used");

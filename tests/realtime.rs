@@ -21,7 +21,7 @@ use block::{Recorder, record, world};
 fn no_change(_: &mut SceneDescription) {}
 
 fn real_time(trace: Option<&Path>) -> RunOptions {
-    RunOptions { length: Length::Seconds(1.5), lockstep: false, threads: Some(1), trace: trace.map(Into::into) }
+    RunOptions { length: Length::Seconds(1.5), lockstep: false, threads: Some(1), trace: trace.map(Into::into), ..RunOptions::default() }
 }
 
 #[test]

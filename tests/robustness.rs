@@ -118,8 +118,8 @@ fn world(folder: &Path, law: &str, ratio: f64, guard: bool) -> World {
     let of = |young| Material::from_young_poisson(law, young, 0.4).expect("a registered law");
     scene
         .edit(|d| {
-            (d.bodies[0].material, d.bodies[0].guard) = (of(5e3), guard);
-            d.bodies[0].regions.insert("stiff".into(), of(5e3 * ratio));
+            (d.bodies[0].material, d.bodies[0].guard) = (of(5e3).into(), guard);
+            d.bodies[0].regions.insert("stiff".into(), of(5e3 * ratio).into());
         })
         .expect("a sound change");
     scene.build().expect("a sound world")

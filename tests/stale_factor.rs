@@ -127,7 +127,8 @@ const FORCE_BOUND: f64 = 4.4;
 
 #[test]
 fn a_delayed_factor_thread_changes_the_hand_s_force_in_proportion_to_the_tolerance() {
-    let options = RunOptions { length: Length::Seconds(1.2), lockstep: true, threads: Some(1), ..RunOptions::default() };
+    let options =
+        RunOptions { length: Length::Seconds(1.2), lockstep: true, threads: Some(1), ..RunOptions::default() };
     let forces = |tolerance, delay| {
         let world = block::world(|scene| {
             exact(tolerance)(scene);

@@ -51,12 +51,7 @@ impl Pacer {
         self.wait_unless(end, called, std::thread::park_timeout)
     }
 
-    fn wait_unless(
-        &mut self,
-        end: &AtomicBool,
-        called: impl Fn() -> bool,
-        sleep: impl Fn(Duration),
-    ) -> Option<Beat> {
+    fn wait_unless(&mut self, end: &AtomicBool, called: impl Fn() -> bool, sleep: impl Fn(Duration)) -> Option<Beat> {
         let target = self.next as f64 * self.period;
         let time = loop {
             if end.load(Ordering::Acquire) {
@@ -100,7 +95,8 @@ mod tests {
         assert!(pacer.wait(&end).is_some(), "the first period begins at once");
         let called = AtomicBool::new(false);
         std::thread::scope(|scope| {
-            let waiting = scope.spawn(|| pacer.wait_or_called(&end, || called.load(Ordering::Acquire)).map(|b| b.missed));
+            let waiting =
+                scope.spawn(|| pacer.wait_or_called(&end, || called.load(Ordering::Acquire)).map(|b| b.missed));
             called.store(true, Ordering::Release);
             waiting.thread().unpark();
             assert_eq!(waiting.join().unwrap(), Some(0));

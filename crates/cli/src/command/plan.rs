@@ -49,7 +49,8 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
         "error of the compliance: {}",
         match (plan.compliance, plan.sample_iterations) {
             (ComplianceMethod::Exact, _) => "none".to_string(),
-            (_, 0) => "known along the forces; comparing a column as well takes more than `error_sampling` grants".into(),
+            (_, 0) =>
+                "known along the forces; comparing a column as well takes more than `error_sampling` grants".into(),
             (_, n) => format!("known along the forces, and of one column a step within {n} iterations"),
         }
     ))?;

@@ -49,13 +49,8 @@ pub struct ComplianceError {
 
 impl ComplianceError {
     /// Nothing was measured.
-    pub const NONE: Self = Self {
-        along_forces: f64::NAN,
-        sampled: f64::NAN,
-        sampled_row: 0,
-        correction_iterations: 0,
-        overlap: 0.0,
-    };
+    pub const NONE: Self =
+        Self { along_forces: f64::NAN, sampled: f64::NAN, sampled_row: 0, correction_iterations: 0, overlap: 0.0 };
 
     /// The greater of the two measured errors; `None` where neither was.
     pub fn measured(&self) -> Option<f64> {

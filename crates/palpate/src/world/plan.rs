@@ -14,7 +14,7 @@ use super::Integration;
 use crate::scene::{BodyDescription, Refactor, SceneDescription};
 
 /// Operations per second of a factorisation on one core of the nominal machine.
-const FACTOR_RATE: f64 = 25e9;
+const FACTOR_RATE: f64 = 15e9;
 
 /// The same for solves with the factor, which wait for memory.
 const SOLVE_RATE: f64 = 3e9;
@@ -110,13 +110,9 @@ impl fmt::Display for Plan {
 }
 
 /// The methods for backward Euler, and why.
-fn choose(
-    body: &BodyDescription,
-    dt: f64,
-    factorization: f64,
-    constant: bool,
-) -> (ComplianceMethod, Refactor, String) {
-    let milliseconds = format!("{:.1} ms predicted for a factorisation, {:.1} ms a step", 1e3 * factorization, 1e3 * dt);
+fn choose(body: &BodyDescription, dt: f64, factorization: f64, constant: bool) -> (ComplianceMethod, Refactor, String) {
+    let milliseconds =
+        format!("{:.1} ms predicted for a factorisation, {:.1} ms a step", 1e3 * factorization, 1e3 * dt);
     let named = |refactor: Refactor| {
         (body.compliance, body.refactor.unwrap_or(refactor), format!("as the scene says; {milliseconds}"))
     };

@@ -84,7 +84,8 @@ pub(crate) fn positions(world: &World, motion: Motion) -> Option<Vec<Vec<Vector3
     match motion {
         Motion::Still => Some(vec![rest.clone(); STEPS + 1]),
         Motion::Twisting => {
-            let (low, high) = rest.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x.x), b.max(x.x)));
+            let (low, high) =
+                rest.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x.x), b.max(x.x)));
             let centre = rest.iter().sum::<Vector3<f64>>() / rest.len() as f64;
             let twisted = |k: usize| {
                 let all = TWIST * k as f64 / STEPS as f64;
