@@ -184,7 +184,7 @@ fn forces(change: impl FnOnce(&mut SceneDescription)) -> Vec<Vector3<f64>> {
     (0..block::STEPS).map(|k| simulation.step(&block::pose(k)).force).collect()
 }
 
-/// Bits cannot be golden: `ln` and `cbrt` come from the platform's libm, and the factorisation takes the widest vector
+/// Bits cannot be golden: functions like `cbrt` come from the platform's libm, and the factorisation takes the widest vector
 /// unit that the processor has, so sums differ in their last bits from one machine to the next. Instead the run is made
 /// to depend on its solvers by less than 1e-12, and held to a table within 1e-9 of its largest force. That a
 /// difference of rounding grows by less than that is measured here, by another of the same size: the last bits of

@@ -29,7 +29,8 @@ fn fixed_skin_holds_the_tool_with_the_force_of_the_coupling_and_rubs_with_fricti
             key(1.4, 0.045, height - depth),
         ];
     });
-    let options = RunOptions { length: Length::Seconds(1.4), lockstep: true, threads: Some(1), ..RunOptions::default() };
+    let options =
+        RunOptions { length: Length::Seconds(1.4), lockstep: true, threads: Some(1), ..RunOptions::default() };
     let (_, recorder) = record(&world, &options);
     let at = |time: f64| {
         let tick = recorder.ticks.iter().find(|t| t.record.time >= time - 1e-9).expect("a tick at that time");

@@ -64,8 +64,12 @@ fn newton_and_explicit_runs_have_the_same_bits_for_any_number_of_threads() {
             d.contact.friction = 0.3;
         });
         let run = |threads| {
-            let options =
-                RunOptions { length: Length::Seconds(0.6), lockstep: true, threads: Some(threads), ..RunOptions::default() };
+            let options = RunOptions {
+                length: Length::Seconds(0.6),
+                lockstep: true,
+                threads: Some(threads),
+                ..RunOptions::default()
+            };
             let (outcome, recorder) = record(&world, &options);
             assert!(outcome.summary.largest_force > 0.01, "{:?}", outcome.summary);
             assert_eq!(outcome.summary.factors, 0, "no factor of an older step is used");

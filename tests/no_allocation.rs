@@ -13,7 +13,7 @@ use palpate::haptics::exchange::latest;
 use palpate::haptics::script::ScriptKey;
 use palpate::haptics::snapshot::HapticSnapshot;
 use palpate::refresh::{FactorSample, refresh};
-use palpate::scene::IntegratorKind;
+use palpate::scene::{ContactMethod, IntegratorKind};
 use palpate::simulation::Simulation;
 use palpate::step::{StepInput, StepState, StepStatus, StepWorkspace, step};
 use palpate::tick::Ticker;
@@ -170,4 +170,17 @@ fn steps_by_newtons_method_and_explicit_ones_allocate_nothing_either() {
             assert!(touching > 0);
         });
     }
+}
+
+#[test]
+fn steps_with_penalty_contact_allocate_nothing_either() {
+    let world = block::world(|scene| scene.contact.method = ContactMethod::Penalty);
+    on_a_worker(|| {
+        let mut simulation = Simulation::new(&world).unwrap();
+        let mut touching = 0;
+        let mut press = || (0..STEPS).for_each(|k| touching += simulation.step(&pose(k)).active);
+        press();
+        assert_eq!(violations(press), 0);
+        assert!(touching > 0);
+    });
 }

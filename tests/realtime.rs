@@ -25,7 +25,13 @@ fn with_a_factor_thread(scene: &mut palpate::scene::SceneDescription) {
 }
 
 fn real_time(trace: Option<&Path>) -> RunOptions {
-    RunOptions { length: Length::Seconds(1.5), lockstep: false, threads: Some(1), trace: trace.map(Into::into), ..RunOptions::default() }
+    RunOptions {
+        length: Length::Seconds(1.5),
+        lockstep: false,
+        threads: Some(1),
+        trace: trace.map(Into::into),
+        ..RunOptions::default()
+    }
 }
 
 #[test]

@@ -58,6 +58,9 @@ impl Ordeal {
     }
 }
 
+/// Laws that soften in shear beyond a full turn: see the test.
+const WIND_UP: [&str; 4] = ["mooney_rivlin", "arruda_boyce", "veronda_westmann", "ogden"];
+
 /// What became of the block.
 #[derive(Clone, Copy, Debug)]
 struct Outcome {
@@ -173,10 +176,11 @@ fn every_law_comes_back_or_says_where_it_fails() {
             let outcomes = ORDEALS.map(|ordeal| endure(&world, ordeal));
             println!("| `{law}` | {ratio:e} | {} |", outcomes.map(|o| o.text()).join(" | "));
             for (ordeal, outcome) in ORDEALS.into_iter().zip(outcomes) {
-                // A quarter that is 1e4 times stiffer shears its neighbours through themselves while it is wound up; laws
-                // that soften there may wind up for good, in an equilibrium of the same two ends.
-                let may_stay = ratio > 1.0 && ordeal == Ordeal::Twisted;
-                assert!(outcome.recovers() || may_stay, "{law}, {ratio:e}, {ordeal:?}: {outcome:?}");
+                // Wound up by a full turn, tissue goes through itself. The laws of this list have more than one equilibrium
+                // between the same two ends then, and rounding decides in which they come to rest: uninverted, not torn.
+                let may_stay = ordeal == Ordeal::Twisted && WIND_UP.contains(law);
+                let whole = outcome.inverted == 0 && outcome.astray < 1.0;
+                assert!(outcome.recovers() || may_stay && whole, "{law}, {ratio:e}, {ordeal:?}: {outcome:?}");
             }
         }
     }

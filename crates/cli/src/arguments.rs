@@ -61,6 +61,7 @@ pub(crate) enum Command {
     #[command(after_help = "Examples:
   palpate chart tissue --quick               a look at it, on small meshes
   palpate chart tissue --out charts          all of it: minutes
+  palpate chart solvers --out charts         performance profiles of contact solvers
   palpate chart tissue --data ../reference   with the solutions of other codes")]
     Chart(ChartArguments),
     /// List the bundled scenes.
@@ -167,7 +168,7 @@ pub(crate) struct ChartArguments {
     /// Folder for NAME.svg and the tables; made where it is missing. Files of an earlier chart are overwritten.
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     pub(crate) out: PathBuf,
-    /// Folder of reference data (`fem/*.json`, `pdms/cylinder.vtk`); by default ../shared/reference where it exists.
+    /// Folder of reference data (`fem/*.json`, `pdms/cylinder.vtk`, `../lcp/*/*.dat`); by default ../shared/reference where it exists.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) data: Option<PathBuf>,
     /// Only the smallest problems.
@@ -183,6 +184,8 @@ pub(crate) struct ChartArguments {
 pub(crate) enum ChartName {
     /// Compliance: error of forces and motion against time per step, by method and age of the factor.
     Compliance,
+    /// Contact solvers: problems solved against time, residual against time, contact methods.
+    Solvers,
     /// Tissue: error against time per step, by law, element and mesh size.
     Tissue,
 }
@@ -192,6 +195,7 @@ impl ChartName {
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Compliance => "compliance",
+            Self::Solvers => "solvers",
             Self::Tissue => "tissue",
         }
     }

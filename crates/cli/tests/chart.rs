@@ -25,11 +25,13 @@ fn a_quick_chart_of_tissue_is_a_picture_and_tables_of_what_theory_says() {
     let place = Place::new();
     let run = place.run("chart tissue --quick --out charts");
     assert_eq!(run.code, Some(0), "{run:?}");
-    for file in ["tissue.svg", "tissue.csv", "tissue_rod.csv", "tissue_indentation.csv"] {
+    for file in ["tissue.svg", "tissue.csv", "tissue_rod.csv", "tissue_indentation.csv", "tissue_sphere.csv"] {
         assert!(run.out.contains(file) && place.path(&format!("charts/{file}")).is_file(), "{file}: {}", run.out);
     }
     let picture = place.text("charts/tissue.svg");
-    for label in ["Sagging beam: neo_hookean", "Sphere on a block", "time per step [ms]", "MuJoCo"] {
+    for label in
+        ["neo_hookean", "beam, quadratic", "sphere, averaged", "Sphere on a block", "time per step [ms]", "MuJoCo"]
+    {
         assert!(picture.contains(label), "{label}");
     }
 

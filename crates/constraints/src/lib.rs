@@ -4,5 +4,6 @@ pub mod compliance;
 pub mod frame;
 pub mod law;
 pub mod lumped;
+pub mod penalty;
 pub mod rows;
 pub mod warm_start;

@@ -22,6 +22,9 @@ fn driven(model: &FemModel, nodes: &[u32], motion: impl Fn(Vector3<f64>) -> Vect
     nodes.iter().map(|&node| Prescribed { node, position: motion(model.q_rest()[node as usize]) }).collect()
 }
 
+/// Where a node at a place goes.
+type Motion = Box<dyn Fn(Vector3<f64>) -> Vector3<f64>>;
+
 #[test]
 fn the_reaction_carries_the_weight_and_the_loads() {
     let mesh = bar_of([6, 2, 2]);
@@ -100,7 +103,7 @@ fn driven_ends_are_followed_through_large_motions() {
         let mut config = clamped(&mesh, law);
         config.fixed.extend(end);
         let (model, _, mut ws) = body(&mesh, &config);
-        let motions: [(&str, Box<dyn Fn(Vector3<f64>) -> Vector3<f64>>); 3] = [
+        let motions: [(&str, Motion); 3] = [
             ("pulled by half", Box::new(|x| x + Vector3::new(0.04, 0.0, 0.0))),
             ("crushed by a tenth", Box::new(|x| x - Vector3::new(0.008, 0.0, 0.0))),
             (

@@ -160,6 +160,7 @@ impl Gathering {
             scene: world.scene().name().into(),
             mode: if wall.is_some() { "real time" } else { "lockstep" },
             integrator: world.integration().to_string(),
+            contact: world.contact_method(),
             end: self.end,
             simulated: self.time + 1.0 / world.description().rates.tick,
             wall: wall.unwrap_or(0.0),

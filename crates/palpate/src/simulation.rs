@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Vector3};
 use palpate_fem::factor::{Factor, FactorStatus};
+use palpate_fem::integrator::equilibrium::EquilibriumReport;
 use palpate_haptics::snapshot::HapticSnapshot;
 use std::sync::Arc;
 
@@ -23,6 +24,7 @@ pub struct Simulation<'w> {
     spare: Factor,
     snapshot: HapticSnapshot,
     refresh_every: u64,
+    settled: Option<EquilibriumReport>,
     watch: Option<RefreshWatch>,
 }
 
@@ -32,7 +34,7 @@ impl<'w> Simulation<'w> {
     /// # Errors
     /// A body whose first matrix is not positive definite.
     pub fn new(world: &'w World) -> Result<Self, RunError> {
-        let (rest, _) = settle(world);
+        let (rest, settled) = settle(world);
         let mut ws = StepWorkspace::new(world);
         let factor = FactorSample::first(world, &rest, &mut ws)?;
         Ok(Self {
@@ -43,8 +45,14 @@ impl<'w> Simulation<'w> {
             spare: Factor::new(Arc::clone(world.symbolic())),
             snapshot: HapticSnapshot::new(world.detection().max_contacts),
             refresh_every: 1,
+            settled,
             watch: None,
         })
+    }
+
+    /// How the body came to rest under its weight before the first step; `None` where it began as its mesh.
+    pub fn settled(&self) -> Option<&EquilibriumReport> {
+        self.settled.as_ref()
     }
 
     /// Refreshes the factor after every `steps` steps; 0 never refreshes it.

@@ -97,6 +97,8 @@ pub struct RunSummary {
     pub mode: &'static str,
     /// The integrator, with its substeps and critical step where it has them.
     pub integrator: String,
+    /// How contact forces were found at step rate, with the parameters of the method.
+    pub contact: String,
     /// Where the compliance came from, when matrices were factored, and why.
     pub plan: String,
     /// How the run ended.

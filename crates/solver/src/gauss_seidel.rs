@@ -30,6 +30,9 @@ use palpate_constraints::law::LocalCompliance;
 use serde::{Deserialize, Serialize};
 
 /// Order in which a sweep visits the blocks.
+///
+/// Sweeps to 1e-8 on the frictional contacts of a ball in the liver (`cargo bench --bench solver`), for 10, 30, 60 and 150
+/// contacts: forward 30, 42, 60, 62; shuffled 44, 54, 63, 79; symmetric 74, 158, 336, 516. Forward is the default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SweepOrder {
@@ -51,7 +54,8 @@ pub struct GaussSeidelConfig {
     /// Limit of sweeps. Default 1000.
     pub max_sweeps: u32,
     /// Part of each local change that is taken, in (0, 1]: 1 is the plain method, less damps cycling of strongly
-    /// coupled frictional blocks at the price of more sweeps. Default 1.
+    /// coupled frictional blocks at the price of more sweeps (0.8 in the cases of [`SweepOrder`]: 47, 54, 65, 73). Default
+    /// 1.
     pub relaxation: f64,
     /// Order of the blocks. Default forward.
     pub order: SweepOrder,

@@ -10,8 +10,9 @@
 //! one may.
 //!
 //! Friction on the exact cone is reached by turning the polygons: after each solution the first corner of a contact's
-//! polygon is laid along its friction (against the slip where it slides) and the problem is solved anew. At the fixed
-//! point the corner carries the force, and the polygon no longer shows. [`FacetedCoulomb`](palpate_constraints::law::FacetedCoulomb)
+//! polygon is turned halfway to its friction (against the slip where it slides) and the problem is solved anew. At the fixed
+//! point the corner carries the force, and the polygon no longer shows. Where many contacts slide at once the headings need
+//! not settle: the run then ends as stalled, near the error of the polygon (1e-3 to 1e-1). [`FacetedCoulomb`](palpate_constraints::law::FacetedCoulomb)
 //! is solved as it is.
 //!
 //! One pivot costs `O(n^2)`, with `n` = 10 per frictional contact at 8 facets: a reference and a fall-back, for tens of

@@ -15,6 +15,7 @@ pub mod conic_qp;
 mod dense;
 pub mod gauss_seidel;
 mod iteration;
+pub mod lagrange;
 pub mod lemke;
 pub mod newton;
 pub mod nncg;

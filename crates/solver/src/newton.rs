@@ -1,4 +1,4 @@
-//! Semismooth Newton on the equations of Alart and Curnier [1991], from a few sweeps of block Gauss-Seidel.
+//! Semismooth Newton on the equations [Alart and Curnier 1991], from a few sweeps of block Gauss-Seidel.
 //!
 //! Every law is an equation `F_a(delta_a, lambda_a) = 0` (see `Linearization`); with `delta = W lambda + delta_free`
 //!

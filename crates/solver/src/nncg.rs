@@ -112,8 +112,9 @@ impl ConstraintSolver for NncgConfig {
                 delta_swept.copy_from_slice(&sweeps.delta);
                 let plain = residual(view, lambda, 1.0, sweeps).relative;
                 extend(view, beta, direction, gap_direction, lambda, sweeps);
-                // Written so that NaN is taken back.
-                if !(residual(view, lambda, 1.0, sweeps).relative <= plain) {
+                // False for NaN.
+                let lowered = residual(view, lambda, 1.0, sweeps).relative <= plain;
+                if !lowered {
                     lambda.copy_from_slice(swept);
                     sweeps.delta.copy_from_slice(delta_swept);
                 }

@@ -64,6 +64,7 @@ macro_rules! solvers {
 
         /// Memory of any registered solver.
         #[derive(Clone, Debug)]
+        #[allow(clippy::large_enum_variant)] // one for a run, never moved in it
         pub enum SolverWorkspace {
             $($(#[$doc])* $variant($workspace),)+
         }

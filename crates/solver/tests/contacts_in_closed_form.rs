@@ -4,8 +4,8 @@
 mod half_space;
 mod rigid_bodies;
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use palpate_constraints::law::{Bilateral, Coulomb, Law, Signorini};
+use nalgebra::{DMatrix, DVector, Vector3};
+use palpate_constraints::law::{Bilateral, Coulomb, Signorini};
 use palpate_solver::gauss_seidel::{self, GaussSeidelConfig, GaussSeidelWorkspace, SweepOrder};
 use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::report::{SolveReport, SolveStatus};

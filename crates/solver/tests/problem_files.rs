@@ -67,6 +67,8 @@ proptest! {
             prop_assert!(problem.view().is_consistent());
             let _ = problem.validate();
         }
+        // Whatever it has become, the reader of all formats answers too.
+        let _ = siconos::read(&text);
     }
 
     #[test]
@@ -164,4 +166,25 @@ fn validation_names_the_row() {
     assert_eq!(short, Err(ProblemError::RowsWithoutLaw { first: 3, rows: 6 }));
     let long = ConstraintProblem::new(good(), free.clone(), [Coulomb { friction: 0.1 }.into(); 3]);
     assert!(matches!(long, Err(ProblemError::WrongBlock { block: 2, start: 6, .. })));
+}
+
+#[test]
+fn formats_are_told_apart_by_their_content() {
+    let folder = tempfile::tempdir().unwrap();
+    let open = |bytes: &[u8]| {
+        let path = folder.path().join("problem");
+        std::fs::write(&path, bytes).unwrap();
+        problem_file::open(&path)
+    };
+    assert_eq!(open(format!("\n  {}", sample()).as_bytes()).unwrap(), problem_file::read(sample().as_bytes()).unwrap());
+    assert_eq!(open(FRICTION.as_bytes()).unwrap(), siconos::read_friction(FRICTION).unwrap());
+    assert_eq!(open(DENSE.as_bytes()).unwrap(), siconos::read_lcp(DENSE).unwrap());
+    // Three rows: the text begins as a friction problem would.
+    let three = "3 0 3 3 3 3 1 0 0 0 1 0 0 0 1 -1 -1 -1";
+    assert_eq!(open(three.as_bytes()).unwrap().blocks().len(), 3);
+    assert!(matches!(open(b"\x89HDF\r\n\x1a\n...."), Err(ProblemFileError::Hdf5)));
+    let error = open(b"2\n0\n\xff").unwrap_err().to_string();
+    assert_eq!(error, "line 3: expected text, found bytes that are not UTF-8");
+    assert!(open(b"").unwrap_err().to_string().contains("end of the file"));
+    assert!(open(b"{\"format\": 3}").unwrap_err().to_string().contains("line 1 column"));
 }

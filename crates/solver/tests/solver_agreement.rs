@@ -159,7 +159,6 @@ fn histories_fall_to_the_reported_residual() {
         assert!(run.history.windows(2).all(|pair| pair[0].seconds <= pair[1].seconds), "{}", run.solver);
         let least = run.history.iter().map(|sample| sample.residual).fold(f64::INFINITY, f64::min);
         assert!(least <= run.report.residual, "{}", run.solver);
-        assert!(run.seconds >= run.history.last().map_or(0.0, |sample| sample.seconds), "{}", run.solver);
         if run.solver == "automatic" {
             assert!(!run.attempts.is_empty() && run.attempts.last().is_some_and(|last| last.report.is_solved()));
         } else {

@@ -4,6 +4,7 @@
 
 pub(crate) mod compliance;
 pub(crate) mod plot;
+pub(crate) mod solvers;
 pub(crate) mod table;
 pub(crate) mod tissue;
 
@@ -30,7 +31,7 @@ pub(crate) struct Settings {
 pub(crate) struct NamedTable {
     /// Name of the CSV file, without ending.
     pub(crate) file: &'static str,
-    /// Heading on the screen.
+    /// Heading on the screen; a table without one is for programs, and only written.
     pub(crate) title: String,
     /// The measurements.
     pub(crate) table: Table,

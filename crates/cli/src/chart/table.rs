@@ -55,12 +55,6 @@ impl Table {
         self.rows.push(row);
     }
 
-    /// The rows.
-    #[cfg(test)]
-    pub(crate) fn rows(&self) -> &[Vec<Value>] {
-        &self.rows
-    }
-
     /// As text for people.
     pub(crate) fn screen(&self) -> String {
         let mut screen = Screen::new();

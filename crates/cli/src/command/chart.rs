@@ -5,7 +5,7 @@ use std::path::Path;
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 
 use crate::arguments::{ChartArguments, ChartName};
-use crate::chart::{Chart, Settings, Work, compliance, plot, tissue};
+use crate::chart::{Chart, Settings, Work, compliance, plot, solvers, tissue};
 use crate::exit;
 use crate::output::{check_writable, say};
 
@@ -26,11 +26,12 @@ pub(crate) fn chart(arguments: &ChartArguments) -> Result<u8> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().into_diagnostic()?;
     let chart = pool.install(|| match arguments.chart {
         ChartName::Compliance => compliance::measure(&settings, &work),
+        ChartName::Solvers => solvers::measure(&settings, &work),
         ChartName::Tissue => tissue::measure(&settings, &work),
     })?;
     work.finish();
     let files = write(&chart, &picture, &arguments.out)?;
-    for table in &chart.tables {
+    for table in chart.tables.iter().filter(|table| !table.title.is_empty()) {
         say(format_args!("{}\n{}\n", table.title, table.table.screen()))?;
     }
     chart.notes.iter().try_for_each(|note| say(format_args!("note: {note}")))?;

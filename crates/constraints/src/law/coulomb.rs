@@ -117,7 +117,7 @@ impl ContactLaw for Coulomb {
         ConicForm::SecondOrder { friction: self.friction }
     }
 
-    /// The equation of Alart and Curnier [1991], with `x = lambda - rho delta`: no force where `x_n <= 0`; else
+    /// The equation of [Alart and Curnier 1991], with `x = lambda - rho delta`: no force where `x_n <= 0`; else
     /// `delta_n = 0` and `lambda_t` the projection of `x_t` onto the disc of radius `mu x_n`.
     #[inline]
     fn linearize(&self, rho: f64, delta: &Vector3<f64>, lambda: &Vector3<f64>) -> Linearization {

@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, LOG2_E};
 use super::Real;
 
 /// High part of `ln 2`, exact when multiplied by a number of up to 20 bits.
-const LN2_HIGH: f64 = 6.931_471_803_691_238_16e-1;
+const LN2_HIGH: f64 = 6.931_471_803_691_238e-1;
 
 /// `ln 2` less the high part.
 const LN2_LOW: f64 = 1.908_214_929_270_587_7e-10;
@@ -32,7 +32,7 @@ pub fn ln<T: Real>(x: T) -> T {
     let r = even + z * (odd + 6.666_666_666_666_735e-1);
     let half = f * f * 0.5;
     // Zero, or NaN where `x` is: its bits have passed for a number.
-    let nan = x - x;
+    let nan = x * 0.0;
     k * LN2_HIGH - ((half - (s * (half + r) + k * LN2_LOW)) - f) + nan
 }
 

@@ -7,7 +7,7 @@
 //! with the chain density `m` (Pa) and `N` links in a chain: chains lock near a stretch of `√N`. At small strain the
 //! shear modulus is `μ = 2 m Σ p w_p (3/N)^(p-1)`, 1.085 `m` for `N = 8`, and the bulk modulus `k`.
 //!
-//! Departure: the powers and the logarithm of `J` are continued below `J0 =` [`EXTENSION_BELOW`](super::volume), see there;
+//! Departure: the powers and the logarithm of `J` are continued below `J0 = 0.2`, twice continuously differentiably;
 //! inverted elements are driven back by the bulk term.
 
 #![allow(non_snake_case)]

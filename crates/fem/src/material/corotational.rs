@@ -18,6 +18,7 @@
 #![allow(non_snake_case)]
 
 use nalgebra::{Matrix3, Vector3};
+use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -128,6 +129,6 @@ impl Law for Corotational {
     }
 
     fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
-        principal_batch(self, packs, q, filter, out)
+        principal_batch(Arch::new(), self, packs, q, filter, out)
     }
 }

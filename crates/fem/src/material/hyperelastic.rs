@@ -22,6 +22,7 @@
 #![allow(non_snake_case)]
 
 use nalgebra::{Matrix3, Vector3};
+use pulp::Arch;
 
 use super::{
     BatchReport, Bulk, Lame, Law, MaterialError,
@@ -254,7 +255,11 @@ impl<L: Hyperelastic> Law for L {
     }
 
     fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
-        if filter { principal_batch(self, packs, q, true, out) } else { six_pieces_batch(self, packs, q, out) }
+        if filter {
+            principal_batch(Arch::new(), self, packs, q, true, out)
+        } else {
+            six_pieces_batch(Arch::new(), self, packs, q, out)
+        }
     }
 }
 

@@ -11,6 +11,7 @@
 #![allow(non_snake_case)]
 
 use nalgebra::{Matrix3, Vector3};
+use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -107,7 +108,7 @@ impl Law for Linear {
     }
 
     fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], _filter: bool, out: &mut [PackMatrices]) -> BatchReport {
-        small_strain_batch(self.small_strain(), packs, q, out)
+        small_strain_batch(Arch::new(), self.small_strain(), packs, q, out)
     }
 }
 

@@ -5,7 +5,7 @@
 //! ```
 //! with `I1 = tr C`, `I2 = (tr²C - tr C²) / 2`. At small strain the shear modulus is `2 (c1 + c2)` and the bulk modulus `k`.
 //!
-//! Departure: the powers and the logarithm of `J` are continued below `J0 =` [`EXTENSION_BELOW`](super::volume), see there;
+//! Departure: the powers and the logarithm of `J` are continued below `J0 = 0.2`, twice continuously differentiably;
 //! inverted elements are driven back by the bulk term. From Young and Poisson `c1 = c2 = μ/4`; who knows another ratio
 //! gives the coefficients.
 

@@ -14,12 +14,13 @@
 //! ```
 //! Departures: below a stretch of [`STRETCH_FLOOR`] `g` goes on as its quadratic Taylor polynomial in `c`, since powers of a
 //! vanishing stretch have no derivative; the power and the logarithm of `J` are continued below `J0 =`
-//! [`EXTENSION_BELOW`](super::volume). All stay twice continuously differentiable; inverted elements are driven back by the
+//! 0.2. All stay twice continuously differentiable; inverted elements are driven back by the
 //! bulk term.
 
 #![allow(non_snake_case)]
 
 use nalgebra::{Matrix3, Vector3};
+use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -276,6 +277,6 @@ impl Law for Ogden {
     }
 
     fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
-        principal_batch(self, packs, q, filter, out)
+        principal_batch(Arch::new(), self, packs, q, filter, out)
     }
 }

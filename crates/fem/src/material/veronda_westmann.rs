@@ -9,7 +9,7 @@
 //!
 //! Departures: above `X0 =` [`EXPONENT_LIMIT`] the curvature of the exponential fades to zero over one unit of `X` and it goes
 //! on as a straight line, twice continuously differentiable and convex; no force overflows. The powers and the logarithm of
-//! `J` are continued below `J0 =` [`EXTENSION_BELOW`](super::volume); inverted elements are driven back by the bulk term.
+//! `J` are continued below `J0 =` 0.2; inverted elements are driven back by the bulk term.
 
 #![allow(non_snake_case)]
 

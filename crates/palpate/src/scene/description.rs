@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use palpate_collision::detection::ContactKind;
 use palpate_collision::shape::ToolShape;
 use palpate_constraints::compliance::{ComplianceMethod, MotionCorrection};
+use palpate_constraints::penalty::PenaltyConfig;
 use palpate_fem::element::ElementKind;
 use palpate_fem::material::{Material, PronyTerm};
 use palpate_haptics::coupling::CouplingConfig;
@@ -345,10 +346,44 @@ pub struct ToolDescription {
     pub shape: ToolShape,
 }
 
+/// How contact forces are found. The tick always works from a compliance.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ContactMethod {
+    /// Indirect: free motion, compliance of the contacts, the scene's solver, correction.
+    #[default]
+    Compliance,
+    /// Direct: one program of body and contacts with Lagrange multipliers. For comparison: it allocates, and takes seconds a
+    /// step on bodies of thousands of nodes. With `integrator = "backward_euler"` only.
+    Lagrange,
+    /// Direct: springs and dampers in place of laws, implicit. For comparison: the skin lies in the tool as deep as the force
+    /// asks, and friction creeps. With `integrator = "backward_euler"` only.
+    Penalty,
+}
+
+impl ContactMethod {
+    /// All methods, as scenes name them.
+    pub const ALL: [Self; 3] = [Self::Compliance, Self::Lagrange, Self::Penalty];
+
+    /// Name in scenes.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Compliance => "compliance",
+            Self::Lagrange => "lagrange",
+            Self::Penalty => "penalty",
+        }
+    }
+}
+
 /// How the tool and the tissue touch.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ContactDescription {
+    /// How contact forces are found.
+    pub method: ContactMethod,
+    /// Springs of contact; for `method = "penalty"` only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub penalty: Option<PenaltyConfig>,
     /// Coefficient of Coulomb friction; 0 leaves one row per contact.
     pub friction: f64,
     /// Where a contact sits on the tissue: at surface nodes or on faces.
@@ -366,6 +401,8 @@ pub struct ContactDescription {
 impl Default for ContactDescription {
     fn default() -> Self {
         Self {
+            method: ContactMethod::Compliance,
+            penalty: None,
             friction: 0.0,
             at: ContactKind::Nodes,
             margin: 0.004,

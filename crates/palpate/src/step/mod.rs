@@ -13,12 +13,18 @@
 //! the whole step is repeated in substeps with `A` the lumped mass; the tick then gets the compliance of a substep, which
 //! is that of the touched nodes alone and stiffer than the tissue's.
 //!
+//! The direct approaches ([`ContactMethod`](crate::scene::ContactMethod)) put one solve over body and contacts in the place of
+//! solve and correction; everything else, with the compliance for the tick, stays.
+//!
 //! Contacts are found at the configuration of the step's begin, where the last correction left the skin outside the
 //! tool; `q_free` would show the tool deep in tissue that has already sprung back.
 
 mod accuracy;
+mod direct;
 mod guard;
+mod lagrange;
 mod newton;
+mod penalty;
 mod preconditioner;
 mod report;
 mod stages;
@@ -51,7 +57,7 @@ pub struct StepInput<'a> {
 
 /// Advances the body by one step and fills the snapshot for the tick.
 ///
-/// Allocates nothing, whatever happens. A body that turns non-finite or is torn apart is put back to the state before
+/// Allocates nothing, whatever happens, unless contact is by Lagrange multipliers. A body that turns non-finite or is torn apart is put back to the state before
 /// the step, at rest, and the report and the snapshot say so.
 pub fn step(
     world: &World,
@@ -70,7 +76,7 @@ pub fn step(
             stages::free_motion(world, input.factor, state, ws, &mut report);
             guard(world, state, ws, &mut report);
             report.times.free_motion = clock.lap();
-            contact(world, &input.tool, input.factor, state, ws, &mut report, &mut clock);
+            contact(world, input, state, ws, &mut report, &mut clock);
             if ws.own_is_current {
                 report.factor_age = 0.0;
             }
@@ -95,24 +101,23 @@ pub fn step(
     report
 }
 
-/// Detection, rows, compliance, forces and correction, with the tool at `tool`, after the free motion.
+/// Detection, rows, compliance, forces and correction, after the free motion.
 fn contact(
     world: &World,
-    tool: &Isometry3<f64>,
-    factor: &FactorSample,
+    input: &StepInput<'_>,
     state: &mut StepState,
     ws: &mut StepWorkspace,
     report: &mut StepReport,
     clock: &mut Clock,
 ) {
-    stages::detection(world, tool, state, ws, report);
+    stages::detection(world, &input.tool, state, ws, report);
     report.times.detection += clock.lap();
-    stages::rows(world, tool, state, ws, report);
-    stages::compliance(world, factor, state.exact_steps, ws, report);
+    stages::rows(world, &input.tool, state, ws, report);
+    stages::compliance(world, input.factor, state.exact_steps, ws, report);
     report.times.compliance += clock.lap();
-    stages::solve(state, ws, report);
+    stages::solve(world, input, state, ws, report);
     report.times.solve += clock.lap();
-    stages::correct(world, factor, state, ws, report);
+    stages::correct(world, input.factor, state, ws, report);
     report.times.correction += clock.lap();
 }
 
@@ -135,7 +140,7 @@ fn explicit(
         report.times.free_motion += clock.lap();
         let tool = if k == substeps { input.tool } else { between(&from, &input.tool, f64::from(k) * share) };
         (report.active, report.indentation) = (0, 0.0);
-        contact(world, &tool, input.factor, state, ws, report, clock);
+        contact(world, &StepInput { tool, ..*input }, state, ws, report, clock);
         state.tool = Some(tool);
         if report.status == StepStatus::RolledBack {
             return;

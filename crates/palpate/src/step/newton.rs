@@ -50,7 +50,7 @@ pub(super) fn newton_with_contact(
         relieve(ws);
         report.times.compliance += clock.lap();
         (report.active, report.indentation) = (0, 0.0);
-        stages::solve(state, ws, report);
+        stages::solve(world, input, state, ws, report);
         report.times.solve += clock.lap();
         if ws.rows.is_empty() || !report.compliance.usable || stays(ws) || pass + 1 == MOST_PASSES {
             break;

@@ -70,7 +70,7 @@ pub struct StepTimes {
     pub detection: f64,
     /// Rows and `W`.
     pub compliance: f64,
-    /// Gauss-Seidel.
+    /// Contact forces; by a direct approach with the motion that belongs to them.
     pub solve: f64,
     /// Correction and the check that the body is finite.
     pub correction: f64,
@@ -128,7 +128,8 @@ pub struct StepReport {
     pub error: ComplianceError,
     /// True where exact compliance was asked for and this step's matrix could not be factored.
     pub refused: bool,
-    /// Constraint solve.
+    /// Constraint solve. Iterations are those of the scene's solver, interior-point iterations of Lagrange multipliers or
+    /// Newton's of penalty contact; the residual is that of the law of contact for each.
     pub solve: SolveReport,
     /// Contacts that carry a force.
     pub active: usize,

@@ -16,6 +16,7 @@ use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
 use palpate_solver::report::{SolveReport, SolveStatus};
 
 use super::accuracy;
+use super::direct::direct_contact;
 use super::preconditioner::StepPreconditioner;
 use super::workspace::NewtonStage;
 use super::{FailedElement, StepInput, StepReport, StepState, StepStatus, StepWorkspace};
@@ -194,8 +195,12 @@ pub(super) fn inverse<'a>(
 }
 
 /// `h A⁻¹ Hᵀ lambda` into `ws.correction`, with the inverse that gave `W`, for the part of `lambda` that the free motion
-/// does not carry already; false where that cannot be.
+/// does not carry already, or the motion of a direct approach; false where that cannot be.
 fn correction(world: &World, factor: &FactorSample, ws: &mut StepWorkspace) -> bool {
+    if let Some(direct) = &ws.direct {
+        ws.correction.copy_from_slice(&direct.motion);
+        return true;
+    }
     if let Some(newton) = &mut ws.newton {
         newton.carried.iter_mut().zip(&ws.lambda).for_each(|(carried, lambda)| *carried = lambda - *carried);
     }
@@ -214,18 +219,27 @@ fn correction(world: &World, factor: &FactorSample, ws: &mut StepWorkspace) -> b
     }
 }
 
-/// Contact forces by the scene's solver from those of the last step.
-pub(super) fn solve(state: &mut StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
+/// Contact forces by the scene's method: its solver from those of the last step, or a direct approach.
+pub(super) fn solve(
+    world: &World,
+    input: &StepInput<'_>,
+    state: &mut StepState,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
+) {
     let m = ws.rows.len();
-    let lambda = &mut ws.lambda[..m];
-    lambda.fill(0.0);
+    ws.lambda[..m].fill(0.0);
     report.solve = SolveReport { status: SolveStatus::Solved, residual: 0.0, worst_gap: 0.0, ..NOT_SOLVED };
-    if m > 0 && report.compliance.usable {
+    if m > 0 && !report.compliance.usable {
+        report.solve = NOT_SOLVED;
+    } else if m > 0 && ws.direct.is_some() {
+        direct_contact(world, input, state, ws, report);
+    } else if m > 0 {
+        let lambda = &mut ws.lambda[..m];
         state.warm_start.fetch(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), WARM_START_RADIUS, lambda);
         report.solve = ws.solver.solve(&ws.problem.view(), lambda, &mut ws.solver_workspace);
-    } else if m > 0 {
-        report.solve = NOT_SOLVED;
     }
+    let lambda = &ws.lambda[..m];
     state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), lambda);
 
     let wrench = ws.rows.wrench(lambda);

@@ -19,6 +19,7 @@ use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::solver::{Solver, SolverWorkspace};
 use std::sync::Arc;
 
+use super::direct::DirectStage;
 use crate::world::{Integration, World};
 
 /// Rows of a contact with friction.
@@ -154,6 +155,10 @@ pub struct StepWorkspace {
     /// The scene's solver at step rate, and its memory.
     pub(super) solver: Solver,
     pub(super) solver_workspace: SolverWorkspace,
+    /// Tolerance and limit of iterations of the solve at step rate.
+    pub(super) limits: (f64, u32),
+    /// The direct approach of contact, where the scene wants one.
+    pub(super) direct: Option<DirectStage>,
     /// Factor of this step's own matrix, where the plan may want one.
     pub(super) own: Option<Factor>,
     /// Whether `own` is that of the step at hand.
@@ -211,12 +216,15 @@ impl StepWorkspace {
                 dt = substep;
             }
         }
+        let fem = FemWorkspace::new(model);
         Self {
             newton,
             explicit,
+            direct: DirectStage::new(world, &fem.system, rows),
+            limits: (wanted.tolerance, wanted.max_sweeps),
             dt,
             trial: model.rest_state(),
-            fem: FemWorkspace::new(model),
+            fem,
             rotations: vec![Matrix3::identity(); free],
             pcg: PcgWorkspace::new(free),
             solve: SolveWorkspace::new(symbolic),

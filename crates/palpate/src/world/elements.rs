@@ -55,3 +55,48 @@ fn warning(element: ElementKind, place: &str, material: &Material) -> Option<Str
     };
     Some(format!("{place}: Poisson's ratio {poisson:.5} is above {highest} for {name} elements ({wrong}); {other}"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn elements_that_lock_are_warned_of_with_a_remedy_that_the_law_can_take() {
+        let warned = |law: &str, element, poisson| {
+            let material = Material::from_young_poisson(law, 5e3, poisson).expect("a registered law");
+            warning(element, "the body", &material)
+        };
+        for law in ["neo_hookean", "mooney_rivlin", "ogden", "stable_neo_hookean"] {
+            for element in ElementKind::ALL {
+                assert_eq!(warned(law, element, element.highest_poisson()), None, "{law}, {element:?}");
+            }
+            let linear = warned(law, ElementKind::Linear, 0.49).expect("linear tetrahedra lock");
+            assert!(linear.contains("0.49000") && linear.contains("\"averaged\"") && linear.contains("\"quadratic\""));
+            let quadratic = warned(law, ElementKind::Quadratic, 0.499).expect("quadratic ones at last");
+            assert!(quadratic.contains("\"averaged\"") && !quadratic.contains("lower it"), "{quadratic}");
+            let averaged = warned(law, ElementKind::Averaged, 0.49995).expect("badly conditioned");
+            assert!(averaged.contains("lower it to 0.4999") && averaged.contains("conditioned"), "{averaged}");
+            let both = warned(law, ElementKind::Linear, 0.49995).expect("both");
+            assert!(both.contains("lower it to 0.4999") && both.contains("\"averaged\""), "{both}");
+        }
+        // Without a bulk term of its own a law has no averaged elements.
+        for law in ["linear", "corotational", "st_venant_kirchhoff"] {
+            let linear = warned(law, ElementKind::Linear, 0.49).expect("linear tetrahedra lock");
+            assert!(linear.contains("\"quadratic\"") && !linear.contains("\"averaged\""), "{linear}");
+            let quadratic = warned(law, ElementKind::Quadratic, 0.499).expect("quadratic ones at last");
+            assert!(quadratic.contains("lower it to 0.495"), "{quadratic}");
+        }
+    }
+
+    #[test]
+    fn mid_nodes_that_an_element_leaves_out_are_warned_of() {
+        let side = [0.0, 0.01];
+        let linear = palpate_fem::block::block(&side, &side, &side);
+        let mut warnings = Vec::new();
+        assert!(with_nodes_for(ElementKind::Quadratic, linear.clone(), &mut warnings).is_quadratic());
+        assert!(warnings.is_empty());
+        let back = with_nodes_for(ElementKind::Averaged, linear.promoted(), &mut warnings);
+        assert_eq!(back, linear);
+        assert!(warnings.len() == 1 && warnings[0].contains("element = \"quadratic\""), "{warnings:?}");
+    }
+}

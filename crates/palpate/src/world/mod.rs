@@ -19,7 +19,7 @@ use palpate_fem::mesh::{MeshQuality, TetMesh};
 use palpate_fem::model::{FemConfig, FemError, FemModel};
 use palpate_fem::surface::Surface;
 
-use crate::scene::{Scene, SceneDescription, SceneError};
+use crate::scene::{ContactMethod, Scene, SceneDescription, SceneError};
 use elements::{locking, with_nodes_for};
 use fixed::fixed_nodes;
 use geometry::{Loaded, load};
@@ -99,6 +99,19 @@ impl World {
         &self.integration
     }
 
+    /// How contact forces are found at step rate, with the parameters of the method.
+    pub fn contact_method(&self) -> String {
+        let contact = &self.description().contact;
+        let penalty = contact.penalty.unwrap_or_default();
+        match (contact.method, penalty.stiffness) {
+            (ContactMethod::Penalty, Some(k)) => format!("penalty ({k} N/m, damping {} s)", penalty.damping),
+            (ContactMethod::Penalty, None) => {
+                format!("penalty ({} times the body's stiffness, damping {} s)", penalty.multiple, penalty.damping)
+            }
+            (method, _) => method.name().into(),
+        }
+    }
+
     /// The methods of a run, and why.
     pub fn plan(&self) -> &Plan {
         &self.plan
@@ -138,16 +151,36 @@ impl World {
             let _ = writeln!(text, "  region {name}: {count} tetrahedra, {}", material_of(body, name));
         }
         let _ = writeln!(text, "  dihedral angles {:.1}° to {:.1}°", q.dihedral[0], q.dihedral[2]);
+        let mass = body.total_mass.map_or(format!("{} kg/m³", body.density), |m| format!("{m} kg in equal shares"));
+        let [x, y, z] = d.gravity;
+        let _ = writeln!(
+            text,
+            "  {mass}; Rayleigh damping {} 1/s by mass, {} s by stiffness; gravity [{x}, {y}, {z}] m/s², {}",
+            body.rayleigh_mass,
+            body.rayleigh_stiffness,
+            if body.settle { "settled before the run" } else { "begins as its mesh" },
+        );
+        let on = |on: bool| if on { "on" } else { "off" };
+        let _ = writeln!(
+            text,
+            "  definiteness filter {}, guard {}; conjugate gradients to {:e} in at most {} iterations",
+            on(body.definiteness_filter),
+            on(body.guard),
+            body.tolerance,
+            body.max_iterations,
+        );
         let _ = writeln!(text, "tool {}: {}", d.tools[0].name, one_line(&d.tools[0].shape));
         let c = &d.contact;
         let _ = writeln!(
             text,
-            "contact at {} within {:.1} mm, friction {}, at most {} contacts",
+            "contact at {} by {} within {:.1} mm, friction {}, at most {} contacts",
             format!("{:?}", c.at).to_lowercase(),
+            self.contact_method(),
             c.margin * 1e3,
             c.friction,
             c.max_contacts
         );
+        let _ = writeln!(text, "solver: {}", one_line(&d.solver));
         let _ = writeln!(text, "integrator: {}", self.integration);
         let _ = writeln!(
             text,

@@ -6,7 +6,9 @@
 //! diagonal, asymmetry) can be written and read, since such problems are what one wants to look at; numbers that are not
 //! finite cannot, since JSON has none.
 //!
-//! [`open`] tells the formats apart by their content. FCLIB files (HDF5) are refused with a sentence.
+//! [`open`] tells the formats apart by their content. FCLIB files (HDF5) are recognised and refused with a sentence: HDF5
+//! can be read without the C library (`hdf5-reader`, `hdf5-pure`), but a reader of FCLIB's layout is not worth having before
+//! there is a sample of its files to test it on.
 
 pub mod siconos;
 

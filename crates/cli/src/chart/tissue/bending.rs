@@ -9,9 +9,8 @@ use nalgebra::Vector3;
 use palpate::fem::block::{block, evenly};
 use palpate::fem::element::ElementKind;
 use palpate::fem::mesh::TetMesh;
-use palpate::prelude::*;
 
-use super::body::{Body, time_alone};
+use super::body::{Body, at_rest, time_alone};
 
 const LENGTH: f64 = 0.10;
 const SIDE: f64 = 0.02;
@@ -43,8 +42,8 @@ pub(crate) fn body(law: &str, element: ElementKind) -> Body {
 /// One beam at rest.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bending {
-    /// Where the middle of the free end's lower edge comes to rest, from where it was (m).
-    pub(crate) tip: Vector3<f64>,
+    /// Where a lower corner of the free end comes to rest, from where it was (m); `None` where that was not found.
+    pub(crate) tip: Option<Vector3<f64>>,
     /// Nodes.
     pub(crate) nodes: usize,
     /// Time per step (s); `None` where a step failed or none was asked for.
@@ -54,12 +53,13 @@ pub(crate) struct Bending {
 /// The beam at rest, and its time per step where `timed`.
 pub(crate) fn sag(law: &str, element: ElementKind, cells: usize, timed: bool) -> Result<Bending> {
     let world = body(law, element).world(mesh(cells))?;
-    let sim = Simulation::new(&world).map_err(|e| miette::miette!("{e}"))?;
     // A corner of the free end: on every mesh a node.
     let corner = Vector3::new(LENGTH, 0.0, 0.0);
     let nodes = &world.mesh().nodes;
     let distance = |i: &usize| (nodes[*i] - corner).norm();
     let node = (0..nodes.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0);
-    let tip = sim.positions()[node] - nodes[node];
-    Ok(Bending { tip, nodes: nodes.len(), time: timed.then(|| time_alone(&world, GROUPS)).flatten() })
+    let sim = at_rest(&world);
+    let tip = sim.as_ref().map(|sim| sim.positions()[node] - nodes[node]);
+    let time = sim.filter(|_| timed).and_then(|sim| time_alone(sim, GROUPS));
+    Ok(Bending { tip, nodes: nodes.len(), time })
 }

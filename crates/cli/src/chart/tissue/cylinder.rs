@@ -6,9 +6,8 @@ use palpate::fem::mesh::TetMesh;
 
 /// A rod of `radius` (m) along z from 0 to `length` (m): `across` cells over the diameter (even), `along` its length.
 ///
-/// A square of cells is mapped onto the disc so that lines at equal distance from the centre become circles. The faces
-/// of a polygon lie within the circle; the ring is widened so that the cross-section has the disc's second moment
-/// `pi r⁴ / 4`, which is what bending feels. Mid-nodes on curved sides are moved onto the circle instead: see [`curve`].
+/// A square of cells is mapped onto the disc so that lines at equal distance from the centre become circles; the flat
+/// sides lie within the circle ([`widen`]).
 pub(crate) fn rod(radius: f64, length: f64, across: usize, along: usize) -> TetMesh {
     let side = evenly(-1.0, 1.0, across);
     let mut mesh = block(&side, &side, &evenly(0.0, length, along));
@@ -35,7 +34,7 @@ fn disc(x: f64, y: f64) -> (f64, f64) {
     (ring * angle.cos(), ring * angle.sin())
 }
 
-/// Widens a rod of flat sides so that its cross-section has the second moment of the circle.
+/// Widens a rod of flat sides so that its cross-section has the disc's second moment `pi r⁴ / 4`, which bending feels.
 pub(crate) fn widen(mesh: &mut TetMesh, across: usize) {
     // A regular polygon of n corners on a circle of radius r has the second moment n r⁴ sin(a) (2 + cos(a)) / 24 with
     // a = 2 pi / n; the disc has pi r⁴ / 4.

@@ -21,23 +21,41 @@ use bending::sag;
 
 /// Measures everything that `palpate chart tissue` shows.
 pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
-    let mut notes = Vec::new();
+    let mut notes = vec!["times are those of one busy core, with a factor refreshed every third step".to_string()];
     let mut tables = Vec::new();
     match &settings.data {
-        Some(folder) => tables.push(references(folder, work)?),
+        Some(folder) => {
+            tables.push(references(folder, work)?);
+            tables.extend(same_mesh(folder, settings, work)?);
+        }
         None => notes.push("no reference data: other codes' solutions and SOFA's rod were left out (--data)".into()),
     }
     tables.push(rod(settings, work)?);
-    let (pressed, mut panels) = pressing(settings, work)?;
+    let (pressed, engines) = pressing(settings, work)?;
     tables.push(pressed);
-    let (bent, of_bending) = bending(settings, work)?;
-    tables.push(bent);
-    panels.extend(of_bending);
+    let mut laws: Vec<Panel> = laws(settings.quick).iter().map(|law| panel_of(law)).collect();
+    tables.push(every_law(settings, work, &mut laws)?);
+    tables.push(bending(settings, work, &mut laws)?);
     if work.stopped() {
         notes.push("ended early: what was measured until then".into());
     }
     let title = "Tissue: error against time per step on one core".into();
-    Ok(Chart { title, panels, layout: Layout::columns(2), tables, notes })
+    let panels = std::iter::once(engines).chain(laws).collect();
+    Ok(Chart { title, panels, layout: Layout::columns(3), tables, notes })
+}
+
+/// The laws that are charted.
+fn laws(quick: bool) -> &'static [&'static str] {
+    if quick { &["neo_hookean"] } else { Material::NAMES }
+}
+
+fn panel_of(law: &str) -> Panel {
+    Panel { title: law.into(), x: Axis::log("time per step [ms]"), y: Axis::log("error [%]"), series: Vec::new() }
+}
+
+/// Whether averaged elements take a law: it needs a bulk term of its own.
+fn averages(law: &str) -> bool {
+    Material::from_young_poisson(law, 1.0, 0.3).is_some_and(|m| m.without_bulk().is_some())
 }
 
 /// Agreement with an independent code on the same mesh and element.
@@ -93,12 +111,20 @@ fn rod(settings: &Settings, work: &Work) -> Result<NamedTable> {
     if let Some(mesh) = settings.data.as_deref().and_then(cantilever::shared) {
         runs.push(("SOFA's mesh".into(), ElementKind::Linear, mesh?));
     }
-    let sizes: &[(usize, usize)] =
-        if settings.quick { &[(2, 10), (2, 20)] } else { &[(2, 10), (2, 20), (2, 40), (4, 40), (6, 90), (8, 120)] };
+    let sizes: &[(usize, usize)] = if settings.quick {
+        &[(2, 10), (2, 20)]
+    } else {
+        &[(2, 10), (2, 20), (2, 40), (4, 40), (4, 80), (6, 90), (8, 120)]
+    };
     for kind in ElementKind::ALL {
         for &(across, along) in sizes {
-            // Ten nodes an element reach every accuracy before these sizes.
-            if kind != ElementKind::Quadratic || across * along <= 160 {
+            // Others than linear elements reach every accuracy before the largest sizes.
+            let most = match kind {
+                ElementKind::Linear => usize::MAX,
+                ElementKind::Averaged => 540,
+                ElementKind::Quadratic => 160,
+            };
+            if across * along <= most {
                 runs.push(("ours".into(), kind, cantilever::mesh(kind, across, along)));
             }
         }
@@ -129,26 +155,44 @@ fn rod(settings: &Settings, work: &Work) -> Result<NamedTable> {
     Ok(NamedTable { file: "tissue_rod", title, table })
 }
 
+/// The sphere on the mesh of the references, contact at its nodes, by law.
+fn same_mesh(folder: &Path, settings: &Settings, work: &Work) -> Result<Option<NamedTable>> {
+    let mut columns = vec!["law".to_string()];
+    columns.extend(indentation::DEPTHS.iter().map(|d| format!("{:.0} mm [N]", 1e3 * d)));
+    columns.extend(indentation::DEPTHS.iter().map(|d| format!("{:.0} mm [%]", 1e3 * d)));
+    let mut table = Table::new(&columns.iter().map(String::as_str).collect::<Vec<_>>());
+    let laws = if settings.quick { &indentation::SAME_MESH[..1] } else { &indentation::SAME_MESH[..] };
+    work.expect(laws.len());
+    for (law, expected) in laws {
+        if !work.next(&format!("sphere on the given mesh: {law}")) {
+            break;
+        }
+        let Some(force) = indentation::on_the_given_mesh(folder, law) else { return Ok(None) };
+        let force = force?;
+        let mut row: Vec<Value> = vec![(*law).into()];
+        row.extend(force.map(|f| Value::Number(f, 4)));
+        row.extend((0..5).map(|k| Value::Number(100.0 * (force[k] / expected[k] - 1.0), 2)));
+        table.push(row);
+    }
+    let title = "The same sphere on the mesh of other engines, contact at its nodes: force, and difference to an \
+                 independent code on that mesh"
+        .into();
+    Ok(Some(NamedTable { file: "tissue_same_mesh", title, table }))
+}
+
 /// The sphere on the block by element, contact and size: five depths against the converged forces.
-fn pressing(settings: &Settings, work: &Work) -> Result<(NamedTable, Vec<Panel>)> {
-    let mut table = Table::new(&[
-        "element",
-        "contact",
-        "cells",
-        "nodes",
-        "1 mm [%]",
-        "2 mm",
-        "4 mm",
-        "6 mm",
-        "8 mm",
-        "worst [%]",
-        "step [ms]",
-    ]);
+fn pressing(settings: &Settings, work: &Work) -> Result<(NamedTable, Panel)> {
+    let mut columns: Vec<String> = ["element", "contact", "cells", "nodes"].map(Into::into).into();
+    columns.extend(indentation::DEPTHS.iter().map(|d| format!("{:.0} mm [N]", 1e3 * d)));
+    columns.extend(indentation::DEPTHS.iter().map(|d| format!("{:.0} mm [%]", 1e3 * d)));
+    columns.extend(["worst [%]", "rests", "step [ms]"].map(Into::into));
+    let mut table = Table::new(&columns.iter().map(String::as_str).collect::<Vec<_>>());
     let mut series: Vec<Series> = indentation::others();
+    series.push(Series { name: "3 %".into(), mark: Mark::Dashed, points: vec![(0.5, 3.0), (200.0, 3.0)] });
     let cases = indentation::cases(settings.quick);
     work.expect(cases.len());
     for case in &cases {
-        if !work.next(&format!("sphere on a block: {} {}", case.element.name(), case.at)) {
+        if !work.next(&format!("sphere on a block: {}, contact at {}", case.element.name(), case.at)) {
             break;
         }
         let answer = case.press()?;
@@ -156,9 +200,11 @@ fn pressing(settings: &Settings, work: &Work) -> Result<(NamedTable, Vec<Panel>)
         let worst = errors.iter().fold(0.0f64, |a, e| a.max(e.abs()));
         let mut row: Vec<Value> =
             vec![case.element.name().into(), case.at.into(), case.name().into(), answer.nodes.into()];
+        row.extend(answer.force.map(|f| Value::Number(f, 4)));
         row.extend(errors.map(|e| Value::Number(100.0 * e, 1)));
         row.push(Value::Number(100.0 * worst, 1));
-        row.push(answer.time.map_or(Value::None, |t| Value::Number(1e3 * t, 2)));
+        row.push(if answer.rests { "yes" } else { "no" }.into());
+        row.push(milliseconds(answer.time));
         table.push(row);
         if let Some(time) = answer.time {
             add(&mut series, &format!("{}, contact at {}", case.element.name(), case.at), (1e3 * time, 100.0 * worst));
@@ -170,59 +216,90 @@ fn pressing(settings: &Settings, work: &Work) -> Result<(NamedTable, Vec<Panel>)
         y: Axis::log("error of the force [%]"),
         series,
     };
-    let title = "A sphere pressed into a block, neo-Hookean: error of the force against converged quadratic hexahedra";
-    Ok((NamedTable { file: "tissue_indentation", title: title.into(), table }, vec![panel]))
+    let title = "A sphere pressed into a block, neo-Hookean: force, and error against converged quadratic hexahedra";
+    Ok((NamedTable { file: "tissue_indentation", title: title.into(), table }, panel))
+}
+
+/// The sphere at 4 mm by law, element and size, each against its own law on finer quadratic tetrahedra.
+fn every_law(settings: &Settings, work: &Work, panels: &mut [Panel]) -> Result<NamedTable> {
+    let mut table = Table::new(&["law", "element", "nodes", "force [N]", "error [%]", "step [ms]"]);
+    let (cases, finest) = indentation::of_every_law(settings.quick);
+    work.expect(panels.len() * (1 + cases.len()));
+    for panel in panels {
+        let law = panel.title.clone();
+        if !work.next(&format!("sphere: {law}, reference")) {
+            break;
+        }
+        let exact = finest.force(&law)?;
+        for case in cases.iter().filter(|case| case.element != ElementKind::Averaged || averages(&law)) {
+            if !work.next(&format!("sphere: {law}, {}", case.element.name())) {
+                break;
+            }
+            let force = case.force(&law)?;
+            let error = force.zip(exact).map(|(force, exact)| 100.0 * (force / exact - 1.0));
+            let time = case.time(&law)?;
+            table.push(vec![
+                law.as_str().into(),
+                case.element.name().into(),
+                case.nodes().into(),
+                force.map_or(Value::None, |f| Value::Number(f, 4)),
+                error.map_or(Value::None, |e| Value::Number(e, 2)),
+                milliseconds(time),
+            ]);
+            if let Some((error, time)) = error.zip(time) {
+                add(&mut panel.series, &format!("sphere, {}", case.element.name()), (1e3 * time, error.abs()));
+            }
+        }
+    }
+    let title = "The sphere at 4 mm, contact at nodes: error of the force against the same law on finer quadratic \
+                 tetrahedra"
+        .into();
+    Ok(NamedTable { file: "tissue_sphere", title, table })
 }
 
 /// The sagging beam by law, element and size, each against its own law on finer quadratic tetrahedra.
-fn bending(settings: &Settings, work: &Work) -> Result<(NamedTable, Vec<Panel>)> {
+fn bending(settings: &Settings, work: &Work, panels: &mut [Panel]) -> Result<NamedTable> {
     let mut table = Table::new(&["law", "element", "nodes", "tip [mm]", "error [%]", "step [ms]"]);
-    let laws: &[&str] = if settings.quick { &["neo_hookean"] } else { Material::NAMES };
     let sizes: &[usize] = if settings.quick { &[2] } else { &[2, 4, 6] };
     let finest = if settings.quick { 3 } else { 5 };
-    let mut panels = Vec::new();
-    work.expect(laws.len() * (1 + ElementKind::ALL.len() * sizes.len()));
-    for &law in laws {
+    work.expect(panels.len() * (1 + ElementKind::ALL.len() * sizes.len()));
+    for panel in panels {
+        let law = panel.title.clone();
         if !work.next(&format!("beam: {law}, reference")) {
             break;
         }
-        let exact = sag(law, ElementKind::Quadratic, finest, false)?.tip;
-        let mut series = Vec::new();
-        let averages = Material::from_young_poisson(law, 1.0, 0.3).is_some_and(|m| m.without_bulk().is_some());
-        for kind in ElementKind::ALL {
-            if kind == ElementKind::Averaged && !averages {
-                continue; // the law has no bulk term of its own
-            }
+        let exact = sag(&law, ElementKind::Quadratic, finest, false)?.tip;
+        for kind in ElementKind::ALL.into_iter().filter(|&kind| kind != ElementKind::Averaged || averages(&law)) {
             for &size in sizes {
                 // Half as many cells with mid-nodes have as many nodes.
                 let cells = if kind == ElementKind::Quadratic { size / 2 } else { size };
                 if !work.next(&format!("beam: {law}, {}", kind.name())) {
                     break;
                 }
-                let bent = sag(law, kind, cells, true)?;
-                let error = 100.0 * (bent.tip - exact).norm() / exact.norm();
+                let bent = sag(&law, kind, cells, true)?;
+                let error = bent.tip.zip(exact).map(|(tip, exact)| 100.0 * (tip - exact).norm() / exact.norm());
                 table.push(vec![
-                    law.into(),
+                    law.as_str().into(),
                     kind.name().into(),
                     bent.nodes.into(),
-                    Value::Number(1e3 * bent.tip.norm(), 2),
-                    Value::Number(error, 2),
-                    bent.time.map_or(Value::None, |t| Value::Number(1e3 * t, 2)),
+                    bent.tip.map_or(Value::None, |tip| Value::Number(1e3 * tip.norm(), 2)),
+                    error.map_or(Value::None, |e| Value::Number(e, 2)),
+                    milliseconds(bent.time),
                 ]);
-                if let Some(time) = bent.time {
-                    add(&mut series, kind.name(), (1e3 * time, error));
+                if let Some((error, time)) = error.zip(bent.time) {
+                    add(&mut panel.series, &format!("beam, {}", kind.name()), (1e3 * time, error));
                 }
             }
         }
-        panels.push(Panel {
-            title: format!("Sagging beam: {law}"),
-            x: Axis::log("time per step [ms]"),
-            y: Axis::log("error of the tip [%]"),
-            series,
-        });
     }
-    let title = "A beam that sags under its weight, Poisson 0.49: error of the tip against the same law on finer quadratic tetrahedra";
-    Ok((NamedTable { file: "tissue", title: title.into(), table }, panels))
+    let title = "A beam that sags under its weight, Poisson 0.49: error of the tip against the same law on finer \
+                 quadratic tetrahedra"
+        .into();
+    Ok(NamedTable { file: "tissue", title, table })
+}
+
+fn milliseconds(time: Option<f64>) -> Value {
+    time.map_or(Value::None, |t| Value::Number(1e3 * t, 2))
 }
 
 /// Adds a point to the series of this name.

@@ -56,7 +56,6 @@ impl Reference {
         let p = &self.parameters;
         let mut table = serde_json::Map::new();
         let mut set = |name: &str, value: f64| table.insert(name.into(), value.into());
-        set("law", 0.0);
         match (self.law.as_str(), p) {
             ("neo_hookean" | "st_venant_kirchhoff", Parameters { mu: Some(mu), .. }) => {
                 // Small strain: mu and lambda give Young's modulus and Poisson's ratio.
@@ -120,4 +119,31 @@ pub(crate) fn compare(folder: &Path, case: &str) -> Result<Agreement> {
         reaction: (force - expected).norm() / expected.norm(),
         effort: (report.load_steps, report.iterations),
     })
+}
+
+/// The folder of reference data for tests.
+#[cfg(test)]
+pub(crate) fn folder() -> Option<std::path::PathBuf> {
+    let shared = std::env::var_os("PALPATE_SHARED").map_or_else(
+        || std::path::PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared")),
+        std::path::PathBuf::from,
+    );
+    Some(shared.join("reference")).filter(|folder| folder.is_dir())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equilibria_agree_with_an_independent_code_to_a_millionth() {
+        let Some(folder) = folder() else {
+            println!("skipped: there are no reference data; PALPATE_SHARED names their folder");
+            return;
+        };
+        for case in CASES {
+            let a = compare(&folder, case).unwrap();
+            assert!(a.displacement < 1e-6 && a.reaction < 1e-6, "{case}: {a:?}");
+        }
+    }
 }

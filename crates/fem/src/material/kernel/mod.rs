@@ -1,7 +1,7 @@
 //! Forces and tangent of packs of eight elements, as many per pass as the processor's vectors hold.
 //!
 //! Without filter a hyperelastic law takes the six pieces of its tangent from edges alone (`six_pieces`); with filter,
-//! and for laws of the singular values, the principal frame (`decompose`, `principal`). Results go to [`PackMatrices`],
+//! and for laws of the singular values, the principal frame (`principal`). Results go to [`PackMatrices`],
 //! node 0 included.
 
 #![allow(non_snake_case)]
@@ -11,7 +11,7 @@ mod six_pieces;
 mod small_strain;
 
 use nalgebra::Vector3;
-use pulp::Simd;
+use pulp::{Arch, Simd, WithSimd};
 
 pub(crate) use self::{
     principal::{PrincipalLaw, principal_batch},
@@ -23,6 +23,20 @@ use crate::{
     material::BatchReport,
     pack::{PACK, Pack, PackMatrices, Row},
 };
+
+/// The instruction set that a kernel runs on.
+pub(crate) trait Dispatch: Copy {
+    /// Runs `op` on it.
+    fn run<Op: WithSimd>(self, op: Op) -> Op::Output;
+}
+
+/// The widest vectors of this machine.
+impl Dispatch for Arch {
+    #[inline]
+    fn run<Op: WithSimd>(self, op: Op) -> Op::Output {
+        self.dispatch(op)
+    }
+}
 
 /// Calls `kernel` for each pack with its deformed edges and notes what it met.
 fn for_packs(
@@ -146,5 +160,96 @@ impl<S: Simd> Free<Lanes<S>> {
         }
         checksum.store(&mut out.checksum, part);
         self.jacobian.store(&mut out.jacobian, part);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix3;
+    use pulp::{Scalar, Scalar128b, Scalar256b, Scalar512b};
+
+    use super::*;
+    use crate::{
+        element::Tetrahedron,
+        material::{Corotational, Lame, MooneyRivlin, NeoHookean, Ogden, hyperelastic::Hyperelastic},
+    };
+
+    /// Vectors without instructions for them.
+    macro_rules! emulated {
+        ($($simd:ident),+) => {
+            $(impl Dispatch for $simd {
+                fn run<Op: WithSimd>(self, op: Op) -> Op::Output {
+                    op.with_simd(self)
+                }
+            })+
+        };
+    }
+    emulated!(Scalar, Scalar128b, Scalar256b, Scalar512b);
+
+    /// Eleven elements in two packs, stretched, sheared, flat and inverted.
+    fn body() -> (Vec<Pack>, Vec<Vector3<f64>>) {
+        let corners = [[0.0; 3], [0.02, 0.001, 0.0], [0.003, 0.02, 0.0], [-0.002, 0.004, 0.02]].map(Vector3::from);
+        let (mut elements, mut rest, mut q) = (Vec::new(), Vec::new(), Vec::new());
+        for e in 0..11 {
+            let first = 4 * e as u32;
+            rest.extend(corners);
+            elements.extend(Tetrahedron::new([first, first + 1, first + 2, first + 3], &rest));
+            let F = Matrix3::new(1.3, 0.2, -0.1 * e as f64, 0.0, 0.8, 0.3, 0.1, 0.0, 1.0 - 0.25 * e as f64);
+            q.extend(corners.map(|x| F * x));
+        }
+        (elements.chunks(PACK).filter_map(Pack::new).collect(), q)
+    }
+
+    type Answers = Vec<(PackMatrices, usize)>;
+
+    /// Calls `batch` and keeps what it wrote for elements.
+    fn answers(packs: &[Pack], batch: impl FnOnce(&mut [PackMatrices]) -> BatchReport) -> (Answers, BatchReport) {
+        let mut out = vec![PackMatrices::ZERO; packs.len()];
+        let report = batch(&mut out);
+        let mut kept: Answers = Vec::new();
+        for (pack, out) in packs.iter().zip(out) {
+            // Places without an element hold what the width of the vectors leaves there.
+            let mut of_elements = PackMatrices::ZERO;
+            for lane in 0..pack.len {
+                of_elements.set_element(lane, &out.element(lane));
+                of_elements.jacobian[lane] = out.jacobian[lane];
+                of_elements.filtered[lane] = out.filtered[lane];
+            }
+            kept.push((of_elements, pack.len));
+        }
+        (kept, report)
+    }
+
+    fn hyperelastic(dispatch: impl Dispatch, law: &impl Hyperelastic) -> [(Answers, BatchReport); 2] {
+        let (packs, q) = body();
+        [
+            answers(&packs, |out| six_pieces_batch(dispatch, law, &packs, &q, out)),
+            answers(&packs, |out| principal_batch(dispatch, law, &packs, &q, true, out)),
+        ]
+    }
+
+    fn all(dispatch: impl Dispatch) -> Vec<(Answers, BatchReport)> {
+        let (packs, q) = body();
+        let (ogden, corotational) = (Ogden::from_young_poisson(5e3, 0.45), Corotational::from_young_poisson(5e3, 0.45));
+        let mut all = Vec::from(hyperelastic(dispatch, &NeoHookean::from_young_poisson(5e3, 0.45)));
+        all.extend(hyperelastic(dispatch, &MooneyRivlin::from_young_poisson(5e3, 0.45)));
+        for filter in [false, true] {
+            all.push(answers(&packs, |out| principal_batch(dispatch, &ogden, &packs, &q, filter, out)));
+            all.push(answers(&packs, |out| principal_batch(dispatch, &corotational, &packs, &q, filter, out)));
+        }
+        let lame = Lame::from_young_poisson(5e3, 0.45);
+        all.push(answers(&packs, |out| small_strain_batch(dispatch, lame, &packs, &q, out)));
+        all
+    }
+
+    #[test]
+    fn vectors_of_every_width_give_the_same_bits() {
+        let widest = all(Arch::new());
+        assert!(widest.iter().all(|(_, report)| report.inverted > 0 && report.non_finite.is_none()));
+        assert!(widest[1].1.filtered > 0);
+        assert_eq!(all(Scalar), widest, "one element at a time");
+        assert_eq!(all(Scalar128b), widest, "two");
+        assert_eq!(all(Scalar256b), widest, "four");
+        assert_eq!(all(Scalar512b), widest, "eight");
     }
 }

@@ -7,9 +7,9 @@
 #![allow(non_snake_case)]
 
 use nalgebra::Vector3;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
-use super::{Free, TRIANGLE, for_packs, load3, load6, load33, parts, store3, store33};
+use super::{Dispatch, Free, TRIANGLE, for_packs, load3, load6, load33, parts, store3, store33};
 use crate::{
     lanes::{
         Lanes, Mat3, Real, Vec3, cross, dot, eigenvectors, matrix_product, scaled, signed_svd, transposed_product,
@@ -63,19 +63,19 @@ impl Scratch {
 
 /// Forces and tangents of packs of one law, with or without the filter.
 pub(crate) fn principal_batch<L: PrincipalLaw>(
+    dispatch: impl Dispatch,
     law: &L,
     packs: &[Pack],
     q: &[Vector3<f64>],
     filter: bool,
     out: &mut [PackMatrices],
 ) -> BatchReport {
-    let arch = Arch::new();
     let mut scratch = Scratch::ZERO;
     for_packs(packs, q, out, |pack, edges, out| {
         let scratch = &mut scratch;
-        arch.dispatch(Decompose { pack, edges, scratch });
-        arch.dispatch(Respond { law, pack, scratch });
-        arch.dispatch(Assemble { pack, edges, filter, scratch, out });
+        dispatch.run(Decompose { pack, edges, scratch });
+        dispatch.run(Respond { law, pack, scratch });
+        dispatch.run(Assemble { pack, edges, filter, scratch, out });
     })
 }
 

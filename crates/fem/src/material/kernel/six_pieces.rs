@@ -10,9 +10,9 @@
 #![allow(non_snake_case)]
 
 use nalgebra::Vector3;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
-use super::{Free, TRIANGLE, for_packs, load6, load33, parts};
+use super::{Dispatch, Free, TRIANGLE, for_packs, load6, load33, parts};
 use crate::{
     lanes::{Lanes, Mat3, Real, Vec3, cross, dot, scaled, sum},
     material::{
@@ -24,13 +24,13 @@ use crate::{
 
 /// Forces and exact tangents of packs of one law.
 pub(crate) fn six_pieces_batch<L: Hyperelastic>(
+    dispatch: impl Dispatch,
     law: &L,
     packs: &[Pack],
     q: &[Vector3<f64>],
     out: &mut [PackMatrices],
 ) -> BatchReport {
-    let arch = Arch::new();
-    for_packs(packs, q, out, |pack, edges, out| arch.dispatch(SixPieces { law, pack, edges, out }))
+    for_packs(packs, q, out, |pack, edges, out| dispatch.run(SixPieces { law, pack, edges, out }))
 }
 
 struct SixPieces<'a, L> {

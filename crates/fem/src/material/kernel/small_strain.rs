@@ -3,9 +3,9 @@
 #![allow(non_snake_case)]
 
 use nalgebra::Vector3;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
-use super::{Free, TRIANGLE, for_packs, load6, load33, parts};
+use super::{Dispatch, Free, TRIANGLE, for_packs, load6, load33, parts};
 use crate::{
     lanes::{Lanes, Mat3, Real, cross, dot, matrix_product, scaled},
     material::{BatchReport, Lame},
@@ -14,13 +14,13 @@ use crate::{
 
 /// Forces and tangents of packs of linear elasticity.
 pub(crate) fn small_strain_batch(
+    dispatch: impl Dispatch,
     lame: Lame,
     packs: &[Pack],
     q: &[Vector3<f64>],
     out: &mut [PackMatrices],
 ) -> BatchReport {
-    let arch = Arch::new();
-    for_packs(packs, q, out, |pack, edges, out| arch.dispatch(SmallStrain { lame, pack, edges, out }))
+    for_packs(packs, q, out, |pack, edges, out| dispatch.run(SmallStrain { lame, pack, edges, out }))
 }
 
 struct SmallStrain<'a> {

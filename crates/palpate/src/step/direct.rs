@@ -1,0 +1,107 @@
+//! The direct approaches of contact in a step: body and contacts solved together, without compliance.
+//!
+//! Free motion and `δ_free` are those of every step, so `w = v⁺ - v_free` is what a method finds, with `A w = h Hᵀ λ`. The
+//! compliance is still computed, from the latest factor: the tick works from it, and so does the scale of the residual. The
+//! residual itself is that of the gaps `δ_free + h H w`, which no approximation of `W` enters.
+
+use palpate_fem::pcg::{PcgConfig, pcg};
+use palpate_fem::preconditioner::WarpedPreconditioner;
+use palpate_fem::sparse::SystemMatrix;
+use palpate_solver::report::{SolveReport, SolveStatus};
+use palpate_solver::residual::{natural_map, scale};
+
+use super::lagrange::{LagrangeStage, lagrange};
+use super::penalty::{PenaltyStage, penalty};
+use super::{StepInput, StepReport, StepState, StepWorkspace};
+use crate::scene::ContactMethod;
+use crate::world::World;
+
+/// Scratch of the method that the scene chose.
+pub(super) enum DirectMethod {
+    /// Lagrange multipliers.
+    Lagrange(LagrangeStage),
+    /// Springs and dampers.
+    Penalty(Box<PenaltyStage>),
+}
+
+/// Scratch of a direct approach.
+pub(super) struct DirectStage {
+    pub(super) method: DirectMethod,
+    /// `w` (m/s).
+    pub(super) motion: Vec<f64>,
+    /// `h Hᵀ λ`.
+    load: Vec<f64>,
+    /// Gaps at the end of the step (m).
+    delta: Vec<f64>,
+}
+
+impl DirectStage {
+    /// Memory for the scene's method; none for the indirect approach.
+    pub(super) fn new(world: &World, system: &SystemMatrix, rows: usize) -> Option<Self> {
+        let contacts = world.detection().max_contacts;
+        let method = match world.description().contact.method {
+            ContactMethod::Compliance => return None,
+            ContactMethod::Lagrange => DirectMethod::Lagrange(LagrangeStage::new(system)),
+            ContactMethod::Penalty => DirectMethod::Penalty(Box::new(PenaltyStage::new(system, contacts))),
+        };
+        let zeros = vec![0.0; 3 * world.model().free_nodes()];
+        Some(Self { method, motion: zeros.clone(), load: zeros, delta: Vec::with_capacity(rows) })
+    }
+}
+
+/// Forces and motion of contact by the scene's direct approach; judges them on the natural map.
+pub(super) fn direct_contact(
+    world: &World,
+    input: &StepInput<'_>,
+    state: &StepState,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
+) {
+    let found = match &mut ws.direct {
+        None => return,
+        Some(DirectStage { method: DirectMethod::Penalty(_), .. }) => penalty(world, input, state, ws),
+        Some(DirectStage { method: DirectMethod::Lagrange(_), .. }) => {
+            let found = lagrange(ws);
+            balance(world, input, ws);
+            found
+        }
+    };
+    report.solve = judge(found, ws);
+}
+
+/// `A w = h Hᵀ λ` to the tolerance of the free motion, from the `w` that is there: a program leaves the balance to the size
+/// of its own tolerance, which momentum would show.
+fn balance(world: &World, input: &StepInput<'_>, ws: &mut StepWorkspace) {
+    let Some(direct) = &mut ws.direct else { return };
+    let body = &world.description().bodies[0];
+    direct.load.fill(0.0);
+    ws.rows.tissue.add_transposed(&ws.lambda[..ws.rows.len()], &mut direct.load);
+    direct.load.iter_mut().for_each(|f| *f *= ws.dt);
+    let mut preconditioner =
+        WarpedPreconditioner { factor: &input.factor.factor, rotations: &ws.rotations, workspace: &mut ws.solve };
+    let relative_tolerance = body.tolerance.min(world.description().solver.tolerance);
+    let config = PcgConfig { relative_tolerance, max_iterations: body.max_iterations };
+    pcg(&ws.fem.system, &direct.load, &mut direct.motion, &mut preconditioner, config, &mut ws.pcg);
+}
+
+/// The report with the residual of motion and forces.
+fn judge(found: SolveReport, ws: &mut StepWorkspace) -> SolveReport {
+    let Some(direct) = &mut ws.direct else { return found };
+    let (view, rows) = (ws.problem.view(), &ws.rows);
+    direct.delta.clear();
+    direct.delta.extend((0..rows.len()).map(|r| rows.delta_free[r] + ws.dt * rows.tissue.dot(r, &direct.motion)));
+    let Some(length) = scale(&view) else { return SolveReport { residual: 0.0, worst_gap: 0.0, ..found } };
+    let left = natural_map(&view, length, &direct.delta, &ws.lambda[..rows.len()]);
+    let finite = left.relative.is_finite();
+    if !finite {
+        ws.lambda.fill(0.0);
+        direct.motion.fill(0.0);
+    }
+    SolveReport {
+        status: if finite { found.status } else { SolveStatus::NotFinite },
+        residual: if finite { left.relative } else { f64::INFINITY },
+        worst_block: u32::try_from(left.worst_block).unwrap_or(u32::MAX),
+        worst_gap: left.worst_gap,
+        ..found
+    }
+}
