@@ -70,14 +70,9 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
     }
     let title =
         "Compliance of 10 frictional contacts: error against time per step on one core, factor 0 to 30 steps old";
-<<<<<<< HEAD
     let heading = "Errors of forces (in the norm of W) and of the correction of the motion, what that misses of the equations of \
                    motion, and time of a step without assembly and detection; the factor of the asynchronous methods is \
                    made by another thread";
-=======
-    let heading = "Errors of forces (in the norm of W) and of the correction of the motion, and time of a step without assembly \
-                   and detection; the factor of the asynchronous methods is made by another thread";
->>>>>>> main
     let tables = vec![NamedTable { file: "compliance", title: heading.into(), table }];
     Ok(Chart { title: title.into(), panels, layout: Layout::columns(4), tables, notes })
 }
