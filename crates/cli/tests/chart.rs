@@ -79,7 +79,7 @@ fn a_quick_chart_of_compliance_says_that_error_grows_with_age_and_the_exact_corr
     let place = Place::new();
     let run = place.run("chart compliance --quick --out charts");
     assert_eq!(run.code, Some(0), "{run:?}");
-    assert!(place.text("charts/compliance.svg").contains("async, warped, exact correction"));
+    assert!(place.text("charts/compliance.svg").contains("not warped, exact correction"));
     let rows = table(&place, "charts/compliance.csv");
     // Three motions by the exact method and by four others at five ages.
     assert_eq!(rows.len(), 3 * (1 + 4 * 5));

@@ -56,7 +56,7 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
                     notes.push(format!("{name}, {}: a step failed, nothing was measured", motion.name()));
                     continue;
                 };
-                let times = if settings.quick { 1 } else { 5 };
+                let times = if settings.quick { 1 } else { 3 };
                 let outcomes = outcomes(&mut Step::new(&world, &path)?, times)?;
                 for (method, outcome) in &outcomes {
                     table.push(row(&world, ratio, motion, *method, outcome));
@@ -126,7 +126,7 @@ fn draw(title: &str, outcomes: &[(Option<Method>, Outcome)]) -> [Panel; 2] {
                 None => "exact: factored in the step".to_string(),
                 Some(m) => {
                     let warped = if m.warped { "warped" } else { "not warped" };
-                    format!("async, {warped}, {} correction", m.correction.name())
+                    format!("{warped}, {} correction", m.correction.name())
                 }
             };
             let point = (1e3 * outcome.time, (100.0 * error(outcome)).max(FLOOR));
