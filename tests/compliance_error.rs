@@ -53,7 +53,7 @@ fn the_error_of_an_old_factor_is_what_is_told() {
     let world = block(|_| ());
     let mut simulation = Simulation::new(&world).unwrap().refresh_every(0);
     let mut checked = 0;
-    for k in 0..30 {
+    for k in 0..45 {
         let report = simulation.step(&pose(k));
         if report.active < 3 || k % 4 != 0 {
             continue;

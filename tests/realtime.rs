@@ -20,6 +20,10 @@ use block::{Recorder, record, world};
 
 fn no_change(_: &mut SceneDescription) {}
 
+fn with_a_factor_thread(scene: &mut palpate::scene::SceneDescription) {
+    scene.bodies[0].compliance = palpate::constraints::compliance::ComplianceMethod::Asynchronous;
+}
+
 fn real_time(trace: Option<&Path>) -> RunOptions {
     RunOptions {
         length: Length::Seconds(1.5),
@@ -34,7 +38,7 @@ fn real_time(trace: Option<&Path>) -> RunOptions {
 fn three_threads_work_and_every_record_arrives() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
-    let (outcome, recorder) = record(&world(no_change), &real_time(Some(&path)));
+    let (outcome, recorder) = record(&world(with_a_factor_thread), &real_time(Some(&path)));
     let s = &outcome.summary;
     println!("{} steps, {} factors, {} ticks in {:.2} s", s.steps, s.factors, s.ticks, s.wall);
     assert_eq!((s.end, s.mode), (RunEnd::Completed, "real time"));

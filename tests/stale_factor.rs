@@ -155,9 +155,8 @@ fn a_delayed_factor_thread_changes_the_hand_s_force_in_proportion_to_the_toleran
 }
 
 /// With the factor's own compliance, age costs accuracy: how much is told, not held. What is held is that every force
-/// satisfies the contact law of the compliance that was used, however old, that the error stays below the force itself
-/// while the factor is younger than a second, and that a body which the oldest factor drives apart is given up: the
-/// correction by the compliance of the block at rest folds elements of one pressed by a quarter of its height.
+/// satisfies the contact law of the compliance that was used, however old, that no age tears the body, and that the error
+/// stays below the force itself.
 #[test]
 fn asynchronous_compliance_of_any_age_satisfies_the_contact_law() {
     let exactly = path(&block::world(exact(1e-10)), 1);
@@ -170,16 +169,12 @@ fn asynchronous_compliance_of_any_age_satisfies_the_contact_law() {
     });
     println!("refreshed every | oldest [s] | worst residual | error of force: mean, largest, of {largest:.2} N");
     let mut means = Vec::new();
-    'ages: for every in [1, 3, 7, 20, 0] {
+    for every in [1, 3, 7, 20, 0] {
         let mut simulation = Simulation::new(&world).unwrap().refresh_every(every);
         let (mut oldest, mut worst, mut sum, mut most) = (0.0_f64, 0.0_f64, 0.0, 0.0_f64);
         for k in 0..STEPS {
             let report = simulation.step(&pose(k));
-            if report.status == StepStatus::RolledBack {
-                println!("{every:>15} | {:10.2} | given up at step {k}", report.factor_age);
-                assert!(report.factor_age > 1.0 && report.force == Vector3::zeros(), "{report:?}");
-                continue 'ages;
-            }
+            assert_eq!(report.status, StepStatus::Advanced, "step {k}, refreshed every {every}");
             assert!(report.solve.is_solved() && report.solve.residual <= 1e-8, "step {k}: {:?}", report.solve);
             assert!(report.force.iter().chain(simulation.forces()).all(|f| f.is_finite()));
             assert!(simulation.positions().iter().all(|q| q.iter().all(|x| x.is_finite())));
@@ -193,5 +188,5 @@ fn asynchronous_compliance_of_any_age_satisfies_the_contact_law() {
         assert!(most < largest, "an error of {most} N in {largest} N");
         means.push(mean);
     }
-    assert!(means.len() >= 4 && means[0] < means[3], "a younger factor is more accurate: {means:?}");
+    assert!(means[0] < means[3] && means[0] < means[4], "a younger factor is more accurate: {means:?}");
 }

@@ -73,3 +73,35 @@ fn a_chart_refuses_folders_that_are_not_there_and_names_that_it_does_not_know() 
     assert_eq!(run.code, Some(2), "{run:?}");
     assert_eq!(place.files(), ["file", "scene.toml"], "nothing was written");
 }
+
+#[test]
+fn a_quick_chart_of_compliance_says_that_error_grows_with_age_and_the_exact_correction_obeys_the_equations() {
+    let place = Place::new();
+    let run = place.run("chart compliance --quick --out charts");
+    assert_eq!(run.code, Some(0), "{run:?}");
+    assert!(place.text("charts/compliance.svg").contains("not warped, exact correction"));
+    let rows = table(&place, "charts/compliance.csv");
+    // Three motions by the exact method and by four others at five ages.
+    assert_eq!(rows.len(), 3 * (1 + 4 * 5));
+    for row in rows.iter().filter(|row| text(row, "correction") == "exact") {
+        // The solves stop at 1e-6 of their right side.
+        assert!(number(row, "imbalance [%]") <= 1e-4, "{row:?}");
+    }
+    for motion in ["twisting", "pressed deep"] {
+        for warped in ["yes", "no"] {
+            let of = |row: &&Vec<(String, String)>| {
+                text(row, "motion") == motion && text(row, "warped") == warped && text(row, "correction") == "matching"
+            };
+            let errors: Vec<f64> = rows.iter().filter(of).map(|row| number(row, "error of forces [%]")).collect();
+            assert!(errors.len() == 5 && errors[0] < 1e-3, "a factor of the step itself is exact: {errors:?}");
+            assert!(errors.windows(2).all(|pair| pair[0] < pair[1]), "{motion}, warped {warped}: {errors:?}");
+        }
+    }
+    let at = |warped: &str| {
+        let of = |row: &&Vec<(String, String)>| {
+            text(row, "motion") == "twisting" && text(row, "warped") == warped && text(row, "age [steps]") == "30"
+        };
+        number(rows.iter().find(of).unwrap(), "error of forces [%]")
+    };
+    assert!(at("yes") < 0.2 * at("no"), "warping serves a twist: {} {}", at("yes"), at("no"));
+}

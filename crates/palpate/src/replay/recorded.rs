@@ -147,6 +147,7 @@ mod tests {
         [[body]]
         name = "block"
         block = { min = [0, 0, 0], max = [0.04, 0.04, 0.04], cells = [3, 3, 3] }
+        compliance = "async"
         rayleigh_stiffness = 0.005
         material = { law = "neo_hookean", young = 5e3, poisson = 0.4 }
         fixed = [{ below = { axis = "z", at = 0.0 } }]

@@ -32,7 +32,9 @@ pub(super) fn correct_exactly(world: &World, factor: &FactorSample, ws: &mut Ste
     if *world.integration() != Integration::BackwardEuler || !report.compliance.usable {
         return;
     }
-    let solved = report.method != ComplianceMethod::Exact && world.plan().correction == MotionCorrection::Exact;
+    // A direct approach brings its motion along.
+    let old = report.method != ComplianceMethod::Exact && ws.direct.is_none();
+    let solved = old && world.plan().correction == MotionCorrection::Exact;
     if solved {
         let body = &world.description().bodies[0];
         ws.load.fill(0.0);
@@ -62,8 +64,8 @@ pub(super) fn correct_exactly(world: &World, factor: &FactorSample, ws: &mut Ste
     }
 }
 
-/// Compares one column of a `W` that is not exact with the exact one, the rows in turn. Says nothing where the iterations that the plan
-/// grants do not suffice.
+/// Compares one column of a `W` that is not exact with the exact one, the rows in turn. Says nothing where the iterations
+/// that the plan grants do not suffice.
 pub(super) fn sample_column(world: &World, factor: &FactorSample, ws: &mut StepWorkspace, report: &mut StepReport) {
     let m = ws.rows.len();
     let most = world.plan().sample_iterations;

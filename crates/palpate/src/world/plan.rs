@@ -14,7 +14,7 @@ use super::Integration;
 use crate::scene::{BodyDescription, Refactor, SceneDescription};
 
 /// Operations per second of a factorisation on one core of the nominal machine.
-const FACTOR_RATE: f64 = 25e9;
+const FACTOR_RATE: f64 = 15e9;
 
 /// The same for solves with the factor, which wait for memory.
 const SOLVE_RATE: f64 = 3e9;

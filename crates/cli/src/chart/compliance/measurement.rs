@@ -41,6 +41,8 @@ pub(crate) struct Outcome {
     pub(crate) force: f64,
     /// Relative error of the correction of the motion, `‖Δv - Δv*‖ / ‖Δv*‖`.
     pub(crate) motion: f64,
+    /// What the correction misses of the equations of motion, `‖A Δv - h Hᵀ λ‖ / ‖h Hᵀ λ‖` with its own forces.
+    pub(crate) imbalance: f64,
     /// Iterations of the free motion, and of the exact correction.
     pub(crate) iterations: [usize; 2],
     /// Time of rotations, free motion, compliance, forces and correction (s); of the factorisation too for the exact
@@ -150,9 +152,20 @@ impl<'w> Step<'w> {
         Outcome {
             force: energy(&wrong) / energy(lambda),
             motion: missed / norm(&mut correction.iter().copied()),
+            imbalance: self.imbalance(),
             iterations,
             time: durations[durations.len() / 2],
         }
+    }
+
+    /// What the last correction misses of the equations of motion.
+    fn imbalance(&self) -> f64 {
+        let (mut load, mut moved) = (vec![0.0; self.load.len()], vec![0.0; self.load.len()]);
+        self.rows.add_transposed(&self.lambda, &mut load);
+        load.iter_mut().for_each(|b| *b *= self.world.dt());
+        self.fem.system.multiply(&self.correction, &mut moved);
+        let missed: f64 = moved.iter().zip(&load).map(|(a, b)| (a - b) * (a - b)).sum();
+        (missed / load.iter().map(|b| b * b).sum::<f64>()).sqrt()
     }
 
     /// Free motion, compliance, forces and correction; the iterations that they took.
