@@ -162,7 +162,7 @@ pub(crate) fn residual_against_time(named: &Named, tolerance: f64, limit: f64) -
         Series { name: run.solver.into(), mark: Mark::Line, points }
     });
     Panel {
-        title: format!("{} contacts: {}", named.problem.blocks().len(), named.name),
+        title: named.name.clone(),
         x: Axis::log("time [ms]"),
         y: Axis::log("natural-map residual"),
         series: series.collect(),
