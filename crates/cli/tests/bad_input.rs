@@ -48,6 +48,8 @@ fn a_wrong_value_is_told_with_file_line_and_remedy() {
         ("young = 10e3", "young = -10e3", &["young = -10000 Pa", "soft tissue: 1e3 to 1e6"]),
         ("friction = 0.3", "friction = -0.3", &["friction = -0.3", "positive"]),
         ("friction = 0.3", "max_contacts = 0", &["max_contacts = 0", "at least 1"]),
+        ("friction = 0.3", "method = \"lagrang\"", &["`lagrang`", "did you mean `lagrange`?"]),
+        ("friction = 0.3", "penalty = { multiple = 10 }", &["the method is `compliance`", "method = \"penalty\""]),
         ("radius = 0.01 }", "radius = -0.01 }", &["-0.01"]),
         ("rayleigh_stiffness = 0.005", "rayleigh_stiffness = -1", &["rayleigh_stiffness = -1 s", "positive"]),
         ("cells = [3, 3, 2]", "cells = [3, 0, 2]", &["[3, 0, 2]", "at least 1"]),
@@ -85,6 +87,18 @@ fn a_wrong_value_is_told_with_file_line_and_remedy() {
             assert!(run.err.contains(word), "{to}: no `{word}` in {}", run.err);
         }
     }
+}
+
+#[test]
+fn a_contact_method_that_cannot_be_is_refused() {
+    let (scene, line) = changed("friction = 0.3", "method = \"penalty\"\npenalty = { stiffness = -5 }");
+    let run = refused(&scene);
+    assert!(run.err.contains("stiffness = -5 N/m") && run.err.contains("positive"), "{}", run.err);
+    assert!(run.err.contains(&format!("scene.toml:{}:", line + 1)), "{}", run.err);
+    let (scene, line) = changed("friction = 0.3", "method = \"lagrange\"");
+    let run = refused(&scene.replace("density = 1060", "density = 1060\nintegrator = \"newton\""));
+    assert!(run.err.contains("one linearised step") && run.err.contains("backward_euler"), "{}", run.err);
+    assert!(run.err.contains(&format!("scene.toml:{}:", line + 1)), "{}", run.err);
 }
 
 #[test]

@@ -60,6 +60,59 @@ fn a_quick_chart_of_tissue_is_a_picture_and_tables_of_what_theory_says() {
 }
 
 #[test]
+fn a_quick_chart_of_solvers_is_a_picture_and_tables_that_agree() {
+    let place = Place::new();
+    let run = place.run("chart solvers --quick --out charts");
+    assert_eq!(run.code, Some(0), "{run:?}");
+    for file in ["solvers.svg", "solvers.csv", "solvers_profile.csv", "solvers_times.csv", "solvers_methods.csv"] {
+        assert!(run.out.contains(file) && place.path(&format!("charts/{file}")).is_file(), "{file}: {}", run.out);
+    }
+    assert!(run.out.contains("no problem files"), "what was left out is told: {}", run.out);
+    let picture = place.text("charts/solvers.svg");
+    for label in ["share of problems solved", "natural-map residual", "wedged block", "Lagrange multipliers", "penalty"]
+    {
+        assert!(picture.contains(label), "{label}");
+    }
+
+    // Four problems of tissue, six of rigid bodies, eight solvers, two tolerances; what is called solved meets the tolerance.
+    let every = table(&place, "charts/solvers.csv");
+    assert_eq!(every.len(), 10 * 8 * 2);
+    let solved = |row: &&Vec<(String, String)>| text(row, "status") == "solved";
+    assert!(every.iter().filter(solved).all(|row| number(row, "residual") <= 1.001 * number(row, "tolerance")));
+    let of = |solver: &str, tolerance: f64| {
+        let mine = |row: &&Vec<(String, String)>| {
+            text(row, "solver") == solver && number(row, "tolerance") == tolerance && solved(row)
+        };
+        every.iter().filter(mine).count()
+    };
+    assert_eq!(of("automatic", 1e-8), 10, "the automatic choice solves all");
+    assert_eq!(of("conic_qp", 1e-8), 2, "the stool and the stack are without friction");
+    for row in table(&place, "charts/solvers_profile.csv") {
+        let (solver, tolerance) = (text(&row, "solver"), number(&row, "tolerance"));
+        assert_eq!(number(&row, "solves") as usize, of(solver, tolerance), "{solver}");
+        assert_eq!(number(&row, "of"), 10.0);
+    }
+    for row in table(&place, "charts/solvers_times.csv") {
+        assert!(
+            number(&row, "warm to 1e-3, gauss_seidel [µs]") > 0.0 && number(&row, "its residual") < 1e-2,
+            "{row:?}"
+        );
+    }
+
+    // The two exact methods agree with the reference to their tolerance of 1e-4 times the condition of the force; a penalty is
+    // wrong by its compliance, a hundredfold stiffness leaves a hundredth of it, more or less.
+    let methods = table(&place, "charts/solvers_methods.csv");
+    let errors = |name: &str| -> Vec<f64> {
+        let rows = methods.iter().filter(|row| text(row, "method") == name);
+        rows.map(|row| number(row, "error of the force")).collect()
+    };
+    assert!(errors("compliance, exact")[0] < 1e-3 && errors("Lagrange multipliers")[0] < 1e-3, "{methods:?}");
+    let penalty = errors("penalty");
+    let fall = penalty[0] / penalty[1];
+    assert!(penalty.len() == 2 && penalty[0] > 0.02 && (20.0..200.0).contains(&fall), "{penalty:?}");
+}
+
+#[test]
 fn a_chart_refuses_folders_that_are_not_there_and_names_that_it_does_not_know() {
     let place = Place::new();
     let run = place.run("chart tissue --data nowhere --quick");

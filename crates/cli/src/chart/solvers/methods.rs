@@ -17,6 +17,15 @@ use crate::chart::{Settings, Work};
 /// Steps of the reference: down, aside.
 const STEPS: u64 = 30;
 
+/// Repetitions of each step but those of Lagrange multipliers, which take seconds.
+const REPETITIONS: usize = 5;
+
+/// Time (s) of a step without the snapshot, and without the compliance where only the tick needs it.
+fn time_of(method: ContactMethod, report: &StepReport) -> f64 {
+    let of_tick = if method == ContactMethod::Compliance { 0.0 } else { report.times.compliance };
+    report.times.total - report.times.hand_over - of_tick
+}
+
 /// One choice of method.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Choice {
@@ -157,15 +166,19 @@ impl Reference {
         let (mut squares, mut iterations, mut residual) = (0.0, 0.0, 0.0f64);
         let mut times = Vec::new();
         for &k in self.samples.iter().take_while(|_| !work.stopped()) {
-            self.step(&mut sim, k - 1)?;
-            let report = self.step(&mut sim, k)?;
+            // The same step again and again has one answer; its least time is the one that nothing else disturbed.
+            let (mut best, mut report) = (f64::INFINITY, None);
+            for _ in 0..if choice.method == ContactMethod::Lagrange { 1 } else { REPETITIONS } {
+                self.step(&mut sim, k - 1)?;
+                let again = self.step(&mut sim, k)?;
+                best = best.min(time_of(choice.method, &again));
+                report = Some(again);
+            }
+            let Some(report) = report else { continue };
             squares += ((report.force - self.forces[k]).norm() / self.forces[k].norm()).powi(2);
             iterations += f64::from(report.solve.iterations);
             residual = residual.max(report.solve.residual);
-            // The direct approaches need neither the tick's compliance nor its snapshot.
-            let indirect = choice.method == ContactMethod::Compliance;
-            let of_tick = report.times.hand_over + if indirect { 0.0 } else { report.times.compliance };
-            times.push(report.times.total - of_tick);
+            times.push(best);
         }
         let n = times.len().max(1) as f64;
         times.sort_by(f64::total_cmp);

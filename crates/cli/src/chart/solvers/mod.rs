@@ -78,7 +78,8 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
 /// The problems whose residual is drawn against time: contact at nodes, at faces, and one that is rank-deficient.
 fn watched(all: &[Named], quick: bool) -> Vec<&Named> {
     let size = if quick { 30 } else { 60 };
-    let names = [format!("block, nodes, {size}"), format!("block, faces, {size}"), "wedged block".into()];
+    let names =
+        [format!("block, nodes, {size} contacts"), format!("block, faces, {size} contacts"), "wedged block".into()];
     all.iter().filter(|named| names.contains(&named.name)).collect()
 }
 

@@ -7,7 +7,6 @@ use miette::{Result, miette};
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3};
 use palpate::collision::detection::ContactKind;
 use palpate::collision::shape::ToolShape;
-use palpate::constraints::compliance::ComplianceMethod;
 use palpate::constraints::law::{Coulomb, Law, Signorini};
 use palpate::prelude::*;
 use palpate::scene::SceneDescription;
@@ -28,6 +27,9 @@ pub(crate) struct Named {
 
 /// Radius (m) of the ball that presses: many contacts carry force at once.
 const BALL: f64 = 0.1;
+
+/// Lattice constant (m) of a liver whose skin has enough nodes below the ball: 8,000 in all.
+const LIVER_CELL: f64 = 0.0084;
 
 /// Friction of tissue and ball.
 const FRICTION: f64 = 0.3;
@@ -52,14 +54,14 @@ pub(crate) fn tissue(settings: &Settings, work: &Work) -> Result<Vec<Named>> {
             press_by_ball(scene, kind, sizes);
         };
         let way = |k: f64| [2e-3 * (k - 6.0).max(0.0), 0.0, -1e-3 * k.min(6.0)];
-        problems.extend(parts(&format!("block, {at}"), &contact("block", change, way, 8)?, sizes));
+        problems.extend(parts(&format!("block, {at}"), &contact("block", None, change, way, 8)?, sizes));
     }
     if !settings.quick && work.next("liver, contact at nodes") {
         let change = |scene: &mut SceneDescription| {
             scene.hand.path.iter_mut().for_each(|key| key.position[1] -= BALL);
             press_by_ball(scene, ContactKind::Nodes, sizes);
         };
-        let pressed = contact("liver", change, |k| [0.0, 1.5e-3 * k, 0.0], 27)?;
+        let pressed = contact("liver", Some(LIVER_CELL), change, |k| [0.0, 1.5e-3 * k, 0.0], 27)?;
         problems.extend(parts("liver, nodes", &pressed, sizes));
     }
     Ok(problems)
@@ -71,17 +73,20 @@ fn press_by_ball(scene: &mut SceneDescription, kind: ContactKind, sizes: &[usize
     }
     (scene.contact.at, scene.contact.friction) = (kind, FRICTION);
     scene.contact.max_contacts = sizes.iter().copied().max().unwrap_or(1);
-    scene.bodies[0].compliance = ComplianceMethod::Exact;
 }
 
-/// The contact problem of a bundled scene after so many steps; the tool moves away from its first place by `way`.
+/// The contact problem of a bundled scene, with another lattice constant (m) if given, after so many steps; the tool moves away from its first place by `way`.
 fn contact(
     name: &str,
+    cell: Option<f64>,
     change: impl FnOnce(&mut SceneDescription),
     way: impl Fn(f64) -> [f64; 3],
     steps: u32,
 ) -> Result<ConstraintProblem> {
     let mut scene = Scene::bundled(name).map_err(|e| miette!("{e}"))?;
+    if let Some(cell) = cell {
+        scene.use_cell(cell).map_err(|e| miette!("{e}"))?;
+    }
     scene.edit(change).map_err(|e| miette!("{e}"))?;
     let world = scene.build().map_err(|e| miette!("{e}"))?;
     let mut sim = Simulation::new(&world).map_err(|e| miette!("{e}"))?;
@@ -104,7 +109,7 @@ fn parts(name: &str, whole: &ConstraintProblem, sizes: &[usize]) -> Vec<Named> {
     let named = |&size: &usize| {
         let mut chosen = order[..size].to_vec();
         chosen.sort_unstable();
-        part(whole, &chosen).map(|problem| Named { name: format!("{name}, {size}"), problem })
+        part(whole, &chosen).map(|problem| Named { name: format!("{name}, {size} contacts"), problem })
     };
     sizes.filter_map(named).collect()
 }

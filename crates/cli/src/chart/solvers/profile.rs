@@ -1,6 +1,7 @@
 //! Performance profiles [Dolan and Moré 2002]: the share `ρ_s(τ)` of problems that solver `s` solves within `τ` times the time of
 //! the fastest. Problems that no solver solves are left out; a problem that is not for a solver counts as not solved by it.
 
+use palpate::scene::SolverDescription;
 use palpate::solver::comparison::{SolverRun, run_all};
 use palpate::solver::solver::Solver;
 
@@ -150,7 +151,7 @@ const NOTABLE: f64 = 0.9;
 /// The best residual so far against time, by solver.
 pub(crate) fn residual_against_time(named: &Named, tolerance: f64, limit: f64) -> Panel {
     let runs = run_all(std::slice::from_ref(&named.problem), &solvers(tolerance), Some(limit), ITERATIONS as usize);
-    let series = runs.iter().map(|run| {
+    let curve = |run: &SolverRun| {
         let mut points: Vec<(f64, f64)> = Vec::new();
         for sample in &run.history {
             if points.last().is_none_or(|last| sample.residual < NOTABLE * last.1) {
@@ -160,11 +161,12 @@ pub(crate) fn residual_against_time(named: &Named, tolerance: f64, limit: f64) -
         // Forces at the end: methods of one iteration have no history.
         points.push((1e3 * run.seconds, run.judged.min(points.last().map_or(f64::INFINITY, |last| last.1))));
         Series { name: run.solver.into(), mark: Mark::Line, points }
-    });
-    Panel {
-        title: format!("{} contacts: {}", named.problem.blocks().len(), named.name),
-        x: Axis::log("time [ms]"),
-        y: Axis::log("natural-map residual"),
-        series: series.collect(),
-    }
+    };
+    let mut series: Vec<Series> = runs.iter().map(curve).collect();
+    let times = || series.iter().flat_map(|s| &s.points).map(|p| p.0).filter(|t| *t > 0.0);
+    let ends = [times().fold(f64::INFINITY, f64::min), times().fold(0.0, f64::max)];
+    let tick = SolverDescription::default().tick_tolerance;
+    let points = ends.map(|t| (t, tick)).into();
+    series.push(Series { name: "tolerance of a tick".into(), mark: Mark::Dashed, points });
+    Panel { title: named.name.clone(), x: Axis::log("time [ms]"), y: Axis::log("natural-map residual"), series }
 }
