@@ -93,6 +93,9 @@ pub struct StepReport {
     pub compliance: ComplianceReport,
     /// True where exact compliance was asked for and this step's matrix could not be factored.
     pub refused: bool,
+    /// True where motion and contact forces of Newton's method were repeated as often as a step allows and the forces
+    /// still changed: motion and forces belong together only to the last change.
+    pub unsettled: bool,
     /// Constraint solve.
     pub solve: SolveReport,
     /// Contacts that carry a force.
@@ -148,6 +151,7 @@ impl StepReport {
             rows: RowReport::default(),
             compliance: ComplianceReport { rows: 0, diagonal: [0.0; 2], asymmetry: 0.0, usable: true },
             refused: false,
+            unsettled: false,
             solve: NOT_SOLVED,
             active: 0,
             force: Vector3::zeros(),
