@@ -8,6 +8,8 @@ use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Isometry3, Vector3};
 use palpate::constraints::compliance::{ComplianceMethod, MotionCorrection};
+use palpate::fem::block::{block as block_of, evenly};
+use palpate::fem::element::ElementKind;
 use palpate::fem::factor::FactorStatus;
 use palpate::haptics::script::ScriptKey;
 use palpate::refresh::{FactorSample, refresh};
@@ -19,7 +21,7 @@ use palpate::summary::RunEnd;
 use palpate::tick::TickFlags;
 use palpate::trace::{StepFlags, Trace};
 
-use block::{SKIN, STEPS, distance, pose, record, world};
+use block::{SKIN, STEPS, distance, pose, record, scene, world};
 
 fn lockstep() -> RunOptions {
     RunOptions { length: Length::Seconds(1.2), lockstep: true, threads: Some(1), ..RunOptions::default() }
@@ -270,4 +272,16 @@ fn poses_beyond_reason_give_no_contact_and_harm_nothing() {
         simulation.step(&pose(k));
     }
     assert!(distance(simulation.positions(), simulation.state().rest()) < SKIN, "the block is still one");
+}
+
+#[test]
+fn a_mesh_of_the_caller_that_names_a_node_that_does_not_exist_is_refused_for_every_element() {
+    for element in [ElementKind::Linear, ElementKind::Averaged, ElementKind::Quadratic] {
+        let scene = scene(|d| d.bodies[0].element = element);
+        let mut mesh = block_of(&evenly(0.0, 0.08, 2), &evenly(0.0, 0.08, 2), &evenly(0.0, 0.04, 2));
+        assert!(scene.build_on(mesh.clone()).is_ok(), "{element:?}");
+        mesh.tetrahedra[5][2] = 1000;
+        let Err(error) = scene.build_on(mesh) else { panic!("{element:?}: refused") };
+        assert!(error.to_string().contains("1000"), "{error}");
+    }
 }

@@ -145,6 +145,7 @@ fn settings_of_another_integrator_are_refused_at_their_place() {
         ("explicit = { substeps = 3 }", "substeps", "integrator = \"explicit\""),
         ("integrator = \"newton\"\nnewton = { iterations = 0 }", "0", "at least 1"),
         ("integrator = \"newton\"\nnewton = { tolerance = -1.0 }", "-1", "positive"),
+        ("integrator = \"newton\"\nnewton = { tolerance = 1.0 }", "1.0", "use 1e-9"),
         ("integrator = \"explicit\"\nexplicit = { substeps = 0 }", "0", "at least 1"),
     ] {
         let Err(SceneError::Invalid(error)) = with(lines) else { panic!("{lines} is refused") };

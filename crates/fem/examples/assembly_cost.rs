@@ -55,7 +55,9 @@ fn main() {
                         let (tets, filtered) = (mesh.tetrahedra.len(), report.filtered);
                         println!("{tets:>8} {name:>14} {filter:>7} {threads:>8} {ns:>10.0} {filtered:>10}");
                         if threads == 1 && filter {
-                            let force = cost(&mesh, || internal_forces(&model, &state, &mut ws));
+                            let force = cost(&mesh, || {
+                                internal_forces(&model, &state, &mut ws);
+                            });
                             let rest = model.rest_state();
                             let mut rotations = vec![nalgebra::Matrix3::identity(); model.free_nodes()];
                             let rotation = cost(&mesh, || nodal_rotations(&model, &rest.q, &state.q, &mut rotations));

@@ -148,6 +148,16 @@ impl PackMatrices {
         }
     }
 
+    /// Adds forces of nodes 1, 2, 3 (columns, N) to those of an element, and minus their sum to node 0.
+    pub(crate) fn add_forces(&mut self, lane: usize, forces: &Matrix3<f64>) {
+        for (i, force) in forces.column_iter().enumerate() {
+            for c in 0..3 {
+                self.forces[i + 1][c][lane] += force[c];
+                self.forces[0][c][lane] -= force[c];
+            }
+        }
+    }
+
     /// Replaces the forces and blocks of an element; the inverse of [`PackMatrices::element`] up to rounding at node 0.
     ///
     /// # Panics

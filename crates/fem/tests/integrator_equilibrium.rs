@@ -206,3 +206,28 @@ fn loads_that_do_not_suit_the_model_are_refused() {
     let error = equilibrium(&loose, &Loads::default(), &EquilibriumConfig::default(), &mut state, &mut ws).unwrap_err();
     assert_eq!(error, EquilibriumError::Unsupported);
 }
+
+#[test]
+fn settings_out_of_their_range_are_refused_by_name_before_anything_moves() {
+    let mesh = bar_of([2, 1, 1]);
+    let (model, _, mut ws) = body(&mesh, &FemConfig { gravity: GRAVITY, ..clamped(&mesh, "neo_hookean") });
+    let usual = EquilibriumConfig::default();
+    let steps = [f64::NAN, 0.0, -0.1, f64::INFINITY];
+    let first = steps.into_iter().chain([1.5]).map(|first_step| EquilibriumConfig { first_step, ..usual });
+    let smallest = steps.into_iter().map(|smallest_step| EquilibriumConfig { smallest_step, ..usual });
+    let newton = |newton: NewtonConfig| EquilibriumConfig { newton, ..usual };
+    let idle = newton(NewtonConfig { iterations: 0, ..usual.newton });
+    let loose = [0.0, 1.0, f64::NAN].map(|tolerance| newton(NewtonConfig { tolerance, ..usual.newton }));
+    let mut named = |config: &EquilibriumConfig| {
+        let mut state = model.rest_state();
+        let error = equilibrium(&model, &Loads::default(), config, &mut state, &mut ws).unwrap_err();
+        assert!(state == model.rest_state(), "{config:?}");
+        error.to_string()
+    };
+    let messages: Vec<String> = first.chain(smallest).chain([idle]).chain(loose).map(|c| named(&c)).collect();
+    println!("{}", messages.join("\n"));
+    let expected = [("first_step", 5), ("smallest_step", 4), ("newton.iterations", 1), ("newton.tolerance", 3)];
+    let names: Vec<&str> = expected.iter().flat_map(|&(name, count)| vec![name; count]).collect();
+    assert!(messages.iter().zip(&names).all(|(message, name)| message.starts_with(name)), "{messages:?}");
+    assert_eq!(messages.len(), names.len());
+}

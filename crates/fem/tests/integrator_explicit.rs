@@ -170,3 +170,12 @@ fn a_motion_that_is_not_finite_leaves_the_state() {
     assert_eq!(report.non_finite, Some(last));
     assert_eq!(state.q, before);
 }
+
+#[test]
+fn no_step_is_stable_at_an_infinite_frequency() {
+    for beta in [0.0, 1e-3] {
+        assert_eq!(critical_for(f64::INFINITY, beta), 0.0);
+        // The limit is approached from above.
+        assert!((0.0..1e-99).contains(&critical_for(1e100, beta)));
+    }
+}

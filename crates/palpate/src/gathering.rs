@@ -37,6 +37,7 @@ pub(crate) struct Gathering {
     tick_overruns: u64,
     factors_refused: u64,
     contacts_dropped: u64,
+    unsettled: u64,
     filtered: u64,
     inverted: u64,
     worst_residual: f64,
@@ -75,6 +76,7 @@ impl Gathering {
             tick_overruns: 0,
             factors_refused: 0,
             contacts_dropped: 0,
+            unsettled: 0,
             filtered: 0,
             inverted: 0,
             worst_residual: 0.0,
@@ -99,6 +101,7 @@ impl Gathering {
         self.step_overruns += u64::from(report.overruns);
         self.contacts_dropped += report.detection.dropped as u64;
         self.factors_refused += u64::from(report.refused);
+        self.unsettled += u64::from(report.unsettled);
         self.filtered += u64::from(report.assembly.filtered);
         self.inverted += u64::from(report.assembly.inverted);
         self.worst_residual = self.worst_residual.max(report.solve.residual);
@@ -192,6 +195,7 @@ impl Gathering {
             contacts_dropped: self.contacts_dropped,
             worst_residual: self.worst_residual,
             worst_tick_residual: self.worst_tick_residual,
+            unsettled: self.unsettled,
             filtered: self.filtered,
             inverted: self.inverted,
             largest_force: self.largest_force,

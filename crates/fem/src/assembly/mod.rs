@@ -12,6 +12,7 @@
 
 #![allow(non_snake_case)]
 
+mod energy;
 mod packed;
 mod scatter;
 mod sum;
@@ -19,17 +20,20 @@ mod viscous;
 
 use nalgebra::{Matrix3, Vector3};
 
-pub use self::viscous::advance_memory;
-pub(crate) use self::{packed::PackLists, scatter::ScatterLists};
-use self::{scatter::slots, sum::sum_elements, viscous::StepTissue};
+pub(crate) use self::{energy::sum_by_halves, packed::PackLists, scatter::ScatterLists};
+pub use self::{
+    energy::{elastic_energy, incremental_energy},
+    viscous::advance_memory,
+};
+use self::{
+    scatter::slots,
+    sum::{sum_elements, sum_forces},
+};
 use crate::{
     averaging::AveragingWorkspace,
-    element::{
-        ElementKind, ElementMatrices, NodalShares, QuadraticTetrahedron,
-        quadratic::{POINTS, QuadraticMatrices},
-    },
-    material::{BatchReport, Law},
-    model::{Batch, FemModel, FemState},
+    element::{ElementKind, ElementMatrices, QuadraticTetrahedron, quadratic::QuadraticMatrices},
+    material::BatchReport,
+    model::{FemModel, FemState},
     pack::{PACK, PackMatrices},
     sparse::SystemMatrix,
 };
@@ -117,6 +121,28 @@ pub struct AssemblyReport {
 }
 
 impl AssemblyReport {
+    /// Before any assembly: nothing was met.
+    pub const NONE: Self = Self {
+        filtered: 0,
+        inverted: 0,
+        min_jacobian: f64::INFINITY,
+        min_jacobian_tetrahedron: u32::MAX,
+        non_finite: None,
+    };
+
+    /// The worst of two assemblies: the larger counts, the smallest volume ratio, the first element that is not finite.
+    #[must_use]
+    pub fn worst(self, later: Self) -> Self {
+        let least = if later.min_jacobian < self.min_jacobian { later } else { self };
+        Self {
+            filtered: self.filtered.max(later.filtered),
+            inverted: self.inverted.max(later.inverted),
+            min_jacobian: least.min_jacobian,
+            min_jacobian_tetrahedron: least.min_jacobian_tetrahedron,
+            non_finite: self.non_finite.or(later.non_finite),
+        }
+    }
+
     fn new(report: BatchReport, model: &FemModel) -> Self {
         let tetrahedron = |e: u32| model.mesh_tetrahedron().get(e as usize).copied().unwrap_or(u32::MAX);
         Self {
@@ -185,67 +211,9 @@ pub fn assemble_with(
 }
 
 /// Fills `ws.f_int` with the internal forces on all nodes (N), without the tangent, over the step `ws.dt`;
-/// leaves `ws.system` alone.
-pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) {
-    ws.f_int.fill(Vector3::zeros());
-    for batch in model.batches() {
-        let tissue = StepTissue::new(batch, state, ws.dt);
-        for (e, element) in batch.of(model.quadratic_elements()).iter().enumerate() {
-            let mut result = [Vector3::zeros(); 10];
-            for (k, F) in element.deformation_gradients(&state.q).iter().enumerate() {
-                element.add_forces(k, &tissue.first_piola(e * POINTS + k, F), &mut result);
-            }
-            result[0] = -result[1..].iter().sum::<Vector3<f64>>();
-            for (f, &node) in result.iter().zip(&element.nodes) {
-                ws.f_int[node as usize] += f;
-            }
-        }
-        if model.element_kind() == ElementKind::Quadratic {
-            continue;
-        }
-        for (e, element) in batch.of(model.elements()).iter().enumerate() {
-            let P = tissue.first_piola(e, &element.deformation_gradient(&state.q));
-            let result = ElementMatrices { forces: element.forces(&P), ..ElementMatrices::ZERO };
-            for (a, &node) in element.nodes.iter().enumerate() {
-                ws.f_int[node as usize] += NodalShares::force(&result, a);
-            }
-        }
-    }
-    if let Some(groups) = model.averaging() {
-        groups.pressures(model.elements(), &state.q, false, false, &mut ws.averaging);
-        groups.add_forces(model.elements(), &state.q, &ws.averaging, &mut ws.f_int);
-    }
-}
-
-/// Elastic energy of the body (J); of viscous tissue, what it would be after an instantaneous deformation.
-pub fn elastic_energy(model: &FemModel, state: &FemState) -> f64 {
-    sum_energy(model, state, |batch, _, F| batch.tissue.material.energy_density(F))
-}
-
-/// The energy (J) whose derivative by `q` is minus the internal force at the end of a step `dt` (s), infinite for the relaxed
-/// equilibrium. Of elastic bodies it is [`elastic_energy`]; of viscous ones it is less by what the step and the memory relax.
-pub fn incremental_energy(model: &FemModel, state: &FemState, dt: f64) -> f64 {
-    sum_energy(model, state, |batch, point, F| StepTissue::new(batch, state, dt).energy_density(point, F))
-}
-
-/// Sums an energy density (J/m³), given by batch, point in it and deformation gradient, over the body (J).
-fn sum_energy(model: &FemModel, state: &FemState, density: impl Fn(&Batch, usize, &Matrix3<f64>) -> f64) -> f64 {
-    let mut energy = model.averaging().map_or(0.0, |groups| groups.energy(model.elements(), &state.q));
-    for batch in model.batches() {
-        for (e, element) in batch.of(model.quadratic_elements()).iter().enumerate() {
-            let points = element.deformation_gradients(&state.q);
-            for (k, (F, weight)) in points.iter().zip(element.weights).enumerate() {
-                energy += weight * density(batch, e * POINTS + k, F);
-            }
-        }
-        if model.element_kind() == ElementKind::Quadratic {
-            continue;
-        }
-        for (e, element) in batch.of(model.elements()).iter().enumerate() {
-            energy += element.volume * density(batch, e, &element.deformation_gradient(&state.q));
-        }
-    }
-    energy
+/// leaves `ws.system` alone. The same bits for any number of threads; allocates nothing.
+pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) -> AssemblyReport {
+    sum_forces(model, state, ws.dt, ws)
 }
 
 /// Volume ratio that the bulk term sees in each element, in the order of [`FemModel::elements`]: its own `det F`, the mean

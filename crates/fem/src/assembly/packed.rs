@@ -74,7 +74,8 @@ impl PackLists {
         Self { positions, diagonals, block_start, block_sources, force_start, force_sources }
     }
 
-    /// Computes all batches by `compute`, which fills the results of one, and sums them into `upper` and `f_int`.
+    /// Computes all batches by `compute`, which fills the results of one, and sums them into `upper` and `f_int`;
+    /// an empty `upper` asks for forces alone.
     pub(crate) fn fill(
         &self,
         packs: &[Pack],
@@ -136,6 +137,9 @@ impl PackLists {
                     for (f, row) in f.iter_mut().zip(forces) {
                         *f += row[lane];
                     }
+                }
+                if upper.is_empty() {
+                    continue;
                 }
                 // `NOWHERE` is beyond the end.
                 for (triangle, &p) in result.diagonal.iter().zip(positions) {

@@ -76,7 +76,7 @@ impl ScatterLists {
         self.block_start.len() - 1
     }
 
-    /// Adds the results of consecutive elements from `first` on to `upper` and `forces`.
+    /// Adds the results of consecutive elements from `first` on to `upper` and `forces`; an empty `upper` gets nothing.
     pub(crate) fn scatter<R: NodalShares>(
         &self,
         first: usize,
@@ -91,6 +91,9 @@ impl ScatterLists {
         for ((nodes, positions), result) in nodes.zip(positions).zip(results) {
             for (a, &node) in nodes.iter().enumerate() {
                 forces[node as usize] += result.force(a);
+            }
+            if upper.is_empty() {
+                continue;
             }
             for (k, &p) in positions.iter().enumerate().filter(|(_, p)| **p != NOWHERE) {
                 let block = result.upper(k);

@@ -1,5 +1,7 @@
 //! The elements' forces and blocks, computed batch by batch and summed over the body.
 
+#![allow(non_snake_case)]
+
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -7,10 +9,11 @@ use super::{AssemblyReport, FemWorkspace, ROWS, ScatterLists, viscous::StepTissu
 use crate::{
     element::{
         ElementKind, ElementMatrices, NodalShares, Tetrahedron, UNIT,
-        quadratic::{POINTS, QuadraticMatrices, quadratic_batch},
+        quadratic::{POINTS, QuadraticMatrices, quadratic_batch, quadratic_forces},
     },
     material::BatchReport,
     model::{Batch, FemModel, FemState},
+    rotation::cofactor,
 };
 
 /// Computes all elements and sums them into `ws.upper` and `ws.f_int`; `dt` (s) is the step that viscous tissue relaxes in.
@@ -30,6 +33,7 @@ pub(super) fn sum_elements(model: &FemModel, state: &FemState, dt: f64, ws: &mut
         upper: &mut ws.upper,
         f_int: &mut ws.f_int,
     };
+    let averaging = &ws.averaging;
     let report = match model.element_kind() {
         ElementKind::Linear => model.pack_lists().fill(
             model.packs(),
@@ -48,7 +52,8 @@ pub(super) fn sum_elements(model: &FemModel, state: &FemState, dt: f64, ws: &mut
         }),
         ElementKind::Averaged => sums.fill(&mut ws.results, |batch, results: &mut [ElementMatrices]| {
             let tissue = StepTissue::new(batch, state, dt);
-            pressure_batch(&tissue, batch.of(model.elements()), batch.of(pressures), q, filter, results)
+            let dropped = |k| model.averaging().is_some_and(|g| g.is_dropped(batch.elements.start + k, averaging));
+            pressure_batch(&tissue, batch.of(model.elements()), batch.of(pressures), q, (filter, dropped), results)
         }),
     };
     if let Some(groups) = model.averaging() {
@@ -57,20 +62,78 @@ pub(super) fn sum_elements(model: &FemModel, state: &FemState, dt: f64, ws: &mut
     AssemblyReport::new(report, model)
 }
 
-/// Forces and exact tangents of elements under pressures.
+/// Forces and exact tangents of elements under pressures; `dropped` tells of elements in a group that the filter drops.
 fn pressure_batch(
     tissue: &StepTissue<'_>,
     elements: &[Tetrahedron],
     pressures: &[f64],
     q: &[Vector3<f64>],
-    filter: bool,
+    (filter, dropped): (bool, impl Fn(usize) -> bool),
     out: &mut [ElementMatrices],
 ) -> BatchReport {
     let mut report = BatchReport::default();
     for (k, ((element, &pressure), out)) in elements.iter().zip(pressures).zip(out).enumerate() {
         let edges = element.edges(q);
-        let filtered = tissue.element_under_pressure(k, element, &edges, pressure, filter, out);
+        let filtered = tissue.element_under_pressure(k, element, &edges, pressure, filter, out) | dropped(k);
         report.note(k as u32, edges.determinant() / (6.0 * element.volume), filtered, out.is_finite());
+    }
+    report
+}
+
+/// Computes the forces of all elements and sums them into `ws.f_int`; `dt` as for [`sum_elements`].
+pub(super) fn sum_forces(model: &FemModel, state: &FemState, dt: f64, ws: &mut FemWorkspace) -> AssemblyReport {
+    let q = &state.q;
+    let parallel = !ws.slot.is_empty() && rayon::current_num_threads() > 1;
+    if let Some(groups) = model.averaging() {
+        groups.pressures(model.elements(), q, false, parallel, &mut ws.averaging);
+    }
+    let pressures = &ws.averaging.pressures;
+    let sums = Sums {
+        batches: model.batches(),
+        size: model.batch_size(),
+        scatter: model.scatter(),
+        slot: &ws.slot,
+        parallel,
+        upper: &mut [],
+        f_int: &mut ws.f_int,
+    };
+    let report = match model.element_kind() {
+        ElementKind::Linear => model.pack_lists().fill(
+            model.packs(),
+            model.batches(),
+            &mut ws.pack_results,
+            parallel,
+            (&mut [], &mut ws.f_int),
+            |batch, packs, results| StepTissue::new(batch, state, dt).packed_forces(packs, q, results),
+        ),
+        ElementKind::Quadratic => sums.fill(&mut ws.quadratic_results, |batch, results: &mut [QuadraticMatrices]| {
+            let tissue = StepTissue::new(batch, state, dt);
+            let stress = |k: usize, p: usize, F: &Matrix3<f64>| tissue.first_piola(k * POINTS + p, F);
+            quadratic_forces(batch.of(model.quadratic_elements()), q, stress, results)
+        }),
+        ElementKind::Averaged => sums.fill(&mut ws.results, |batch, results: &mut [ElementMatrices]| {
+            let tissue = StepTissue::new(batch, state, dt);
+            pressure_forces(&tissue, batch.of(model.elements()), batch.of(pressures), q, results)
+        }),
+    };
+    AssemblyReport::new(report, model)
+}
+
+/// The forces of [`pressure_batch`] alone.
+fn pressure_forces(
+    tissue: &StepTissue<'_>,
+    elements: &[Tetrahedron],
+    pressures: &[f64],
+    q: &[Vector3<f64>],
+    out: &mut [ElementMatrices],
+) -> BatchReport {
+    let mut report = BatchReport::default();
+    for (k, ((element, &pressure), out)) in elements.iter().zip(pressures).zip(out).enumerate() {
+        let edges = element.edges(q);
+        let P = tissue.first_piola(k, &(edges * element.inverse_rest_edges));
+        out.forces = element.forces(&P) + cofactor(&edges) * (-pressure / 6.0);
+        let J = edges.determinant() / (6.0 * element.volume);
+        report.note(k as u32, J, false, out.forces.iter().all(|f| f.is_finite()));
     }
     report
 }

@@ -69,6 +69,39 @@ impl<'a> StepTissue<'a> {
         report
     }
 
+    /// [`Law::packed_forces`] for the linear elements of the batch.
+    pub(super) fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport {
+        let mut report = self.law.packed_forces(packs, q, out);
+        if self.relaxation.terms.is_empty() {
+            return report;
+        }
+        let mut point = 0;
+        for (pack, out) in packs.iter().zip(out) {
+            for lane in 0..pack.len {
+                if let Some(memory) = self.remembered(point) {
+                    let element = pack.element(lane);
+                    out.add_forces(lane, &element.forces(&(element.deformation_gradient(q) * -memory)));
+                }
+                if report.non_finite.is_none() && !out.forces[0].iter().all(|row| row[lane].is_finite()) {
+                    report.non_finite = Some(point as u32);
+                }
+                point += 1;
+            }
+        }
+        report
+    }
+
+    /// Energy of the linear elements of the batch (J), as [`StepTissue::energy_density`].
+    pub(super) fn packed_energy(&self, packs: &[Pack], q: &[Vector3<f64>]) -> f64 {
+        let mut energy = self.law.packed_energy(packs, q);
+        let elements = packs.iter().flat_map(|pack| (0..pack.len).map(|lane| pack.element(lane)));
+        for (point, element) in elements.enumerate() {
+            let Some(memory) = self.remembered(point) else { break };
+            energy -= element.volume * remembered_energy(&memory, &element.deformation_gradient(q));
+        }
+        energy
+    }
+
     /// [`Law::element`] for a point.
     pub(super) fn element(
         &self,
@@ -115,9 +148,13 @@ impl<'a> StepTissue<'a> {
 
     /// What a step minimises at a point (J/m³).
     pub(super) fn energy_density(&self, point: usize, F: &Matrix3<f64>) -> f64 {
-        let green = |F: &Matrix3<f64>| (F.transpose() * F - Matrix3::identity()) * 0.5;
-        self.law.energy_density(F) - self.remembered(point).map_or(0.0, |memory| memory.dot(&green(F)))
+        self.law.energy_density(F) - self.remembered(point).map_or(0.0, |memory| remembered_energy(&memory, F))
     }
+}
+
+/// `Γ : (C - I)/2` (J/m³).
+fn remembered_energy(memory: &Matrix3<f64>, F: &Matrix3<f64>) -> f64 {
+    memory.dot(&((F.transpose() * F - Matrix3::identity()) * 0.5))
 }
 
 /// Takes the memory of viscous tissue over a step `dt` (s) that has ended in `state.q`. Once per accepted step, after it;

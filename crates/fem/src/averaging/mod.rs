@@ -26,7 +26,7 @@ use rayon::prelude::*;
 pub use self::groups::Grouping;
 pub(crate) use self::groups::Groups;
 use crate::{
-    assembly::ScatterLists,
+    assembly::{ScatterLists, sum_by_halves},
     element::Tetrahedron,
     material::Bulk,
     rotation::cofactor,
@@ -90,6 +90,8 @@ pub(crate) struct AveragingWorkspace {
     gradients: Vec<Matrix3<f64>>,
     /// `U'` (Pa) and `U'' / V` (Pa/m³) of each group.
     slopes: Vec<[f64; 2]>,
+    /// Whether groups with `U'' < 0` add no blocks.
+    filter: bool,
     /// `p_e` (Pa).
     pub(crate) pressures: Vec<f64>,
     /// `a` of each entry (m²).
@@ -163,6 +165,7 @@ impl Averaging {
             volumes: vec![0.0; self.groups_of.rows()],
             gradients: vec![Matrix3::zeros(); self.groups_of.rows()],
             slopes: vec![[0.0; 2]; self.members.rows()],
+            filter: false,
             pressures: vec![0.0; self.groups_of.rows()],
             areas: vec![Vector3::zeros(); self.group_of_entry.len()],
         }
@@ -185,10 +188,17 @@ impl Averaging {
     pub(crate) fn energy(&self, elements: &[Tetrahedron], q: &[Vector3<f64>]) -> f64 {
         let volume_of = |e: usize| elements[e].edges(q).determinant() / 6.0;
         let of_group = |g: usize| self.volume[g] * self.bulk[g].at(self.ratio(g, volume_of)).value;
-        (0..self.volume.len()).map(of_group).sum()
+        sum_by_halves(0..self.volume.len(), CHUNK, rayon::current_num_threads() > 1, &|groups| {
+            groups.map(of_group).sum()
+        })
     }
 
-    /// Pressures of the elements; with `filter`, groups without a positive `U''` have none.
+    /// Whether the filter drops a group of an element, after [`Averaging::pressures`].
+    pub(crate) fn is_dropped(&self, element: usize, ws: &AveragingWorkspace) -> bool {
+        ws.filter && self.groups_of.row(element).iter().any(|&g| ws.slopes[g as usize][1] < 0.0)
+    }
+
+    /// Pressures of the elements; with `filter`, groups with `U'' < 0` will add no blocks.
     pub(crate) fn pressures(
         &self,
         elements: &[Tetrahedron],
@@ -201,8 +211,9 @@ impl Averaging {
         let volumes = &ws.volumes;
         fill(parallel, &mut ws.slopes, |g| {
             let U = self.bulk[g].at(self.ratio(g, |e| volumes[e]));
-            [U.first, if filter && U.second < 0.0 { 0.0 } else { U.second / self.volume[g] }]
+            [U.first, U.second / self.volume[g]]
         });
+        ws.filter = filter;
         let slopes = &ws.slopes;
         fill(parallel, &mut ws.pressures, |e| {
             self.share * self.groups_of.row(e).iter().map(|&g| slopes[g as usize][0]).sum::<f64>()
@@ -231,30 +242,14 @@ impl Averaging {
             }
             area
         });
-        let (areas, slopes) = (&ws.areas, &ws.slopes);
+        let (areas, slopes, filter) = (&ws.areas, &ws.slopes, ws.filter);
         update(parallel, upper, |p, block| {
             for &[row, column] in self.pairs.row(p) {
-                let stiffness = slopes[self.group_of_entry[row as usize] as usize][1];
+                let [_, stiffness] = slopes[self.group_of_entry[row as usize] as usize];
+                let stiffness = if filter && stiffness < 0.0 { 0.0 } else { stiffness };
                 *block += (areas[row as usize] * stiffness) * areas[column as usize].transpose();
             }
         });
-    }
-
-    /// Adds the forces of pressures on the elements to those of all nodes, after [`Averaging::pressures`].
-    pub(crate) fn add_forces(
-        &self,
-        elements: &[Tetrahedron],
-        q: &[Vector3<f64>],
-        ws: &AveragingWorkspace,
-        f_int: &mut [Vector3<f64>],
-    ) {
-        for (element, pressure) in elements.iter().zip(&ws.pressures) {
-            let forces = cofactor(&element.edges(q)) * (-pressure / 6.0);
-            f_int[element.nodes[0] as usize] -= forces.column(0) + forces.column(1) + forces.column(2);
-            for (node, force) in element.nodes[1..].iter().zip(forces.column_iter()) {
-                f_int[*node as usize] += force;
-            }
-        }
     }
 }
 

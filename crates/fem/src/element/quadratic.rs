@@ -289,6 +289,27 @@ pub(crate) fn quadratic_batch(
     report
 }
 
+/// The forces of [`quadratic_batch`] alone; `stress` is the first Piola stress (Pa) of point `p` of element `k` at `F`.
+pub(crate) fn quadratic_forces(
+    elements: &[QuadraticTetrahedron],
+    q: &[Vector3<f64>],
+    stress: impl Fn(usize, usize, &Matrix3<f64>) -> Matrix3<f64>,
+    out: &mut [QuadraticMatrices],
+) -> BatchReport {
+    let mut report = BatchReport::default();
+    for (k, (element, out)) in elements.iter().zip(out).enumerate() {
+        let mut J = f64::INFINITY;
+        out.forces.fill(Vector3::zeros());
+        for (p, F) in element.deformation_gradients(q).iter().enumerate() {
+            element.add_forces(p, &stress(k, p, F), &mut out.forces);
+            J = J.min(F.determinant());
+        }
+        out.forces[0] = -out.forces[1..].iter().sum::<Vector3<f64>>();
+        report.note(k as u32, J, false, out.forces.iter().flatten().all(|f| f.is_finite()));
+    }
+    report
+}
+
 /// Place of the block of nodes `i <= j` among the 55 on and above the diagonal, which are listed by rows.
 #[inline]
 pub(crate) const fn upper_index(i: usize, j: usize) -> usize {

@@ -51,8 +51,12 @@ impl CriticalStep {
     }
 }
 
-/// Critical step (s) for the largest frequency `omega` (rad/s) and stiffness damping `beta` (s).
+/// Critical step (s) for the largest frequency `omega` (rad/s) and stiffness damping `beta` (s); 0 for an infinite
+/// frequency, at which no step is stable.
 pub fn critical_for(omega: f64, beta: f64) -> f64 {
+    if omega == f64::INFINITY {
+        return 0.0;
+    }
     let damping = 0.5 * beta * omega;
     // 2/ω (√(1 + ξ²) - ξ), without the cancellation.
     2.0 / (omega * ((1.0 + damping * damping).sqrt() + damping))

@@ -67,7 +67,37 @@ impl Default for EquilibriumConfig {
     }
 }
 
-/// Loads that no body can be in equilibrium with.
+impl EquilibriumConfig {
+    /// Checks the ranges that the fields state.
+    ///
+    /// # Errors
+    /// [`EquilibriumError::Step`] and [`EquilibriumError::Newton`].
+    pub fn validate(&self) -> Result<(), EquilibriumError> {
+        let default = Self::default();
+        // Written so that NaN is in no range.
+        if !(self.first_step > 0.0 && self.first_step <= 1.0) {
+            let range = "first load step is a share of the path, above 0 and at most 1";
+            let (name, value, default) = ("first_step", self.first_step, default.first_step);
+            return Err(EquilibriumError::Step { name, value, range, default });
+        }
+        if !(self.smallest_step > 0.0 && self.smallest_step.is_finite()) {
+            let range = "load step at which the path ends is a positive share of it";
+            let (name, value, default) = ("smallest_step", self.smallest_step, default.smallest_step);
+            return Err(EquilibriumError::Step { name, value, range, default });
+        }
+        if self.newton.iterations == 0 {
+            return Err(EquilibriumError::Newton { name: "iterations", value: 0.0, range: "allow at least 1" });
+        }
+        let tolerance = self.newton.tolerance;
+        if !(tolerance > 0.0 && tolerance < 1.0) {
+            let range = "give a share of the forces between 0 and 1, such as 1e-9";
+            return Err(EquilibriumError::Newton { name: "tolerance", value: tolerance, range });
+        }
+        Ok(())
+    }
+}
+
+/// Loads that no body can be in equilibrium with, or settings with which none is found.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum EquilibriumError {
     /// A node is moved that the model leaves free.
@@ -93,6 +123,28 @@ pub enum EquilibriumError {
     /// Nothing holds the body.
     #[error("no node is fixed: a body that nothing holds has no equilibrium; fix some nodes")]
     Unsupported,
+    /// A load step that is not in its range.
+    #[error("{name} = {value}: the {range}; the default is {default}")]
+    Step {
+        /// The field of [`EquilibriumConfig`].
+        name: &'static str,
+        /// What was given.
+        value: f64,
+        /// Where it must lie, in words.
+        range: &'static str,
+        /// What serves most bodies.
+        default: f64,
+    },
+    /// Newton's method may do nothing, or stops at once.
+    #[error("newton.{name} = {value}: {range}")]
+    Newton {
+        /// The field of [`NewtonConfig`].
+        name: &'static str,
+        /// What was given.
+        value: f64,
+        /// Where it must lie, in words.
+        range: &'static str,
+    },
     /// The forces do not belong to this mesh.
     #[error("{forces} forces for {nodes} nodes: give one per mesh node, or none")]
     ForceCount {
@@ -138,7 +190,7 @@ impl EquilibriumReport {
 /// Trouble is in the report: the state is then the last equilibrium that was found on the way.
 ///
 /// # Errors
-/// Loads that do not suit the model; the state is untouched.
+/// Loads that do not suit the model, settings out of their range; the state is untouched.
 pub fn equilibrium(
     model: &FemModel,
     loads: &Loads<'_>,
@@ -146,6 +198,7 @@ pub fn equilibrium(
     state: &mut FemState,
     ws: &mut ImplicitWorkspace,
 ) -> Result<EquilibriumReport, EquilibriumError> {
+    config.validate()?;
     check(model, loads)?;
     let mut report = EquilibriumReport {
         newton: NewtonReport::begin(),
@@ -161,7 +214,7 @@ pub fn equilibrium(
     state.v.fill(Vector3::zeros());
     ws.start.copy_from_slice(&state.q);
     let load_at = |s: f64| loads.carried + s * (1.0 - loads.carried);
-    let mut step = config.first_step.clamp(f64::MIN_POSITIVE, 1.0);
+    let mut step = config.first_step;
     while report.reached < 1.0 {
         let target = if report.reached + step > 1.0 - 1e-12 { 1.0 } else { report.reached + step };
         ws.predicted.copy_from_slice(&state.q);

@@ -18,7 +18,7 @@ use thiserror::Error;
 
 use super::{critical_step::CriticalStep, nodal};
 use crate::{
-    assembly::{FemWorkspace, advance_memory, internal_forces},
+    assembly::{AssemblyReport, FemWorkspace, advance_memory, internal_forces},
     model::{FemModel, FemState},
 };
 
@@ -56,6 +56,8 @@ impl ExplicitWorkspace {
 /// What an explicit step did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExplicitReport {
+    /// What the evaluation of the forces met.
+    pub assembly: AssemblyReport,
     /// First node whose motion is not finite; the state is then what it was.
     pub non_finite: Option<u32>,
     /// Largest speed of a node whose speed is a number (m/s).
@@ -145,9 +147,9 @@ pub fn explicit_velocity(
     state: &FemState,
     ws: &mut ExplicitWorkspace,
 ) -> ExplicitReport {
-    forces(model, dt, state, ws);
+    let assembly = forces(model, dt, state, ws);
     let half = 0.5 * dt * model.rayleigh_mass();
-    let mut report = ExplicitReport { non_finite: None, fastest: 0.0 };
+    let mut report = ExplicitReport { assembly, non_finite: None, fastest: 0.0 };
     for (k, &node) in model.node_of_free().iter().enumerate() {
         let i = node as usize;
         let v = (state.v[i] * (1.0 - half) + acceleration(model, i, f_ext, ws) * dt) / (1.0 + half);
@@ -195,7 +197,7 @@ fn shift(
 }
 
 /// Internal forces at the state and, where there is stiffness damping, a step earlier.
-fn forces(model: &FemModel, dt: f64, state: &FemState, ws: &mut ExplicitWorkspace) {
+fn forces(model: &FemModel, dt: f64, state: &FemState, ws: &mut ExplicitWorkspace) -> AssemblyReport {
     ws.fem.dt = dt;
     if model.rayleigh_stiffness() > 0.0 {
         ws.before.q.copy_from_slice(&state.q);
@@ -206,11 +208,12 @@ fn forces(model: &FemModel, dt: f64, state: &FemState, ws: &mut ExplicitWorkspac
         internal_forces(model, &ws.before, &mut ws.fem);
         ws.earlier.copy_from_slice(&ws.fem.f_int);
     }
-    internal_forces(model, state, &mut ws.fem);
+    let report = internal_forces(model, state, &mut ws.fem);
     if model.rayleigh_stiffness() > 0.0 {
         let rate = model.rayleigh_stiffness() / dt;
         ws.fem.f_int.iter_mut().zip(&ws.earlier).for_each(|(f, earlier)| *f += (*f - earlier) * rate);
     }
+    report
 }
 
 /// Acceleration of a node (m/s²) without mass damping.

@@ -101,13 +101,7 @@ impl NewtonReport {
             decrease: 0.0,
             filtered: 0,
             raised: 0,
-            assembly: AssemblyReport {
-                filtered: 0,
-                inverted: 0,
-                min_jacobian: f64::INFINITY,
-                min_jacobian_tetrahedron: u32::MAX,
-                non_finite: None,
-            },
+            assembly: AssemblyReport::NONE,
         }
     }
 

@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     BatchReport, Lame, Law, MaterialError,
-    kernel::{PrincipalLaw, principal::PrincipalResponse, principal_batch},
+    kernel::{PrincipalLaw, principal::PrincipalResponse, principal_batch, principal_forces},
     lame::{ElasticParameters, validate_young_poisson},
     principal::PrincipalTangent,
 };
@@ -130,5 +130,9 @@ impl Law for Corotational {
 
     fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
         principal_batch(Arch::new(), self, packs, q, filter, out)
+    }
+
+    fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport {
+        principal_forces(Arch::new(), self, packs, q, out)
     }
 }

@@ -27,7 +27,10 @@ use pulp::Arch;
 use super::{
     BatchReport, Bulk, Lame, Law, MaterialError,
     bulk::UnderPressure,
-    kernel::{PrincipalLaw, principal::PrincipalResponse, principal_batch, six_pieces_batch},
+    kernel::{
+        PrincipalLaw, principal::PrincipalResponse, principal_batch, six_pieces_batch, six_pieces_energy,
+        six_pieces_forces,
+    },
     principal::PrincipalTangent,
 };
 use crate::{
@@ -260,6 +263,14 @@ impl<L: Hyperelastic> Law for L {
         } else {
             six_pieces_batch(Arch::new(), self, packs, q, out)
         }
+    }
+
+    fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport {
+        six_pieces_forces(Arch::new(), self, packs, q, out)
+    }
+
+    fn packed_energy(&self, packs: &[Pack], q: &[Vector3<f64>]) -> f64 {
+        six_pieces_energy(Arch::new(), self, packs, q)
     }
 }
 

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     BatchReport, Lame, Law, MaterialError,
-    kernel::small_strain_batch,
+    kernel::{small_strain_batch, small_strain_forces},
     lame::{ElasticParameters, validate_young_poisson},
 };
 use crate::{
@@ -109,6 +109,10 @@ impl Law for Linear {
 
     fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], _filter: bool, out: &mut [PackMatrices]) -> BatchReport {
         small_strain_batch(Arch::new(), self.small_strain(), packs, q, out)
+    }
+
+    fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport {
+        small_strain_forces(Arch::new(), self.small_strain(), packs, q, out)
     }
 }
 

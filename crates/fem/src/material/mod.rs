@@ -115,6 +115,15 @@ pub trait Law: Copy + Send + Sync {
 
     /// [`Law::element`] for packs of elements, several at once. `out` is as long as `packs`; the report counts elements.
     fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport;
+
+    /// The forces of [`Law::packed`] without tangents: `out` gets forces and volume ratios, its blocks mean nothing then.
+    fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport;
+
+    /// Energy of packs of elements (J), summed element by element.
+    fn packed_energy(&self, packs: &[Pack], q: &[Vector3<f64>]) -> f64 {
+        let elements = packs.iter().flat_map(|pack| (0..pack.len).map(|lane| pack.element(lane)));
+        elements.map(|element| element.volume * self.energy_density(&element.deformation_gradient(q))).sum()
+    }
 }
 
 /// What happened in a batch of elements, or in a whole body; elements are counted from the first of the batch or body.
@@ -278,6 +287,14 @@ macro_rules! materials {
                 out: &mut [PackMatrices],
             ) -> BatchReport {
                 match self { $(Self::$variant(law) => law.packed(packs, q, filter, out)),+ }
+            }
+
+            fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport {
+                match self { $(Self::$variant(law) => law.packed_forces(packs, q, out)),+ }
+            }
+
+            fn packed_energy(&self, packs: &[Pack], q: &[Vector3<f64>]) -> f64 {
+                match self { $(Self::$variant(law) => law.packed_energy(packs, q)),+ }
             }
         }
 

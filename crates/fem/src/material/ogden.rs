@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     BatchReport, Bulk, Lame, Law, MaterialError,
     hyperelastic::VolumeFactor,
-    kernel::{PrincipalLaw, principal::PrincipalResponse, principal_batch},
+    kernel::{PrincipalLaw, principal::PrincipalResponse, principal_batch, principal_forces},
     lame::{validate_positive, validate_young_poisson},
     principal::PrincipalTangent,
     volume::{guarded, logarithmic, power_of},
@@ -278,5 +278,9 @@ impl Law for Ogden {
 
     fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
         principal_batch(Arch::new(), self, packs, q, filter, out)
+    }
+
+    fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport {
+        principal_forces(Arch::new(), self, packs, q, out)
     }
 }

@@ -108,7 +108,8 @@ pub enum FemError {
     },
     /// Averaged elements of a law that has no bulk term to average.
     #[error(
-        "averaged elements need a law with a bulk term U(J), which {law} does not have: use `neo_hookean` or another          hyperelastic law with one, or quadratic elements"
+        "averaged elements need a law with a bulk term U(J), which {law} does not have: use `neo_hookean` or another \
+         hyperelastic law with one, or quadratic elements"
     )]
     NoBulk {
         /// Name of the law.

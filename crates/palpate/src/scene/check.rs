@@ -120,6 +120,10 @@ fn integrator(body: &BodyDescription, source: &Source<'_>) -> Checked {
     if let Some(newton) = &body.newton {
         at_least_one(source, "body.0.newton.iterations", newton.iterations as usize)?;
         positive(source, "body.0.newton.tolerance", newton.tolerance, "")?;
+        if newton.tolerance >= 1.0 {
+            let message = format!("{} solves nothing", newton.tolerance);
+            return Err(source.at("body.0.newton.tolerance", message, "use 1e-9"));
+        }
     }
     if let Some(substeps) = body.explicit.and_then(|e| e.substeps) {
         at_least_one(source, "body.0.explicit.substeps", substeps as usize)?;

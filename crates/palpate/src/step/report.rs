@@ -128,6 +128,9 @@ pub struct StepReport {
     pub error: ComplianceError,
     /// True where exact compliance was asked for and this step's matrix could not be factored.
     pub refused: bool,
+    /// True where motion and contact forces of Newton's method were repeated as often as a step allows and the forces
+    /// still changed: motion and forces belong together only to the last change.
+    pub unsettled: bool,
     /// Constraint solve. Iterations are those of the scene's solver, interior-point iterations of Lagrange multipliers or
     /// Newton's of penalty contact; the residual is that of the law of contact for each.
     pub solve: SolveReport,
@@ -186,6 +189,7 @@ impl StepReport {
             method: ComplianceMethod::Automatic,
             error: ComplianceError::NONE,
             refused: false,
+            unsettled: false,
             solve: NOT_SOLVED,
             active: 0,
             force: Vector3::zeros(),

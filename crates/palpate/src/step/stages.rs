@@ -315,7 +315,12 @@ pub(super) fn correct(
     report: &mut StepReport,
 ) {
     let h = ws.dt;
-    let touched = ws.lambda[..ws.rows.len()].iter().any(|&l| l != 0.0);
+    let lambda = &ws.lambda[..ws.rows.len()];
+    let touched = match &ws.newton {
+        // Forces that the motion carries and that were let go of must leave it again.
+        Some(newton) => lambda.iter().zip(&newton.carried).any(|(l, carried)| l != carried),
+        None => lambda.iter().any(|&l| l != 0.0),
+    };
     if touched && !correction(world, factor, ws) {
         ws.correction.fill(f64::NAN);
     }

@@ -241,6 +241,8 @@ pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
 
 /// Builds the world of a checked scene on tetrahedra of the caller.
 pub(crate) fn build_on(scene: &Scene, mesh: TetMesh) -> Result<World, SceneError> {
+    // Before anything is derived from it: mid-nodes are made of nodes that must exist.
+    mesh.validate()?;
     assemble(scene, mesh, Vec::new())
 }
 

@@ -14,9 +14,9 @@ use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 
 pub(crate) use self::{
-    principal::{PrincipalLaw, principal_batch},
-    six_pieces::six_pieces_batch,
-    small_strain::small_strain_batch,
+    principal::{PrincipalLaw, principal_batch, principal_forces},
+    six_pieces::{six_pieces_batch, six_pieces_energy, six_pieces_forces},
+    small_strain::{small_strain_batch, small_strain_forces},
 };
 use crate::{
     lanes::{Lanes, Mat3, Real, Vec3},
@@ -119,20 +119,33 @@ struct Free<T> {
     jacobian: T,
 }
 
+/// Writes the forces of all nodes, of which node 0 has minus the sum over the others. Returns that sum over all components.
+#[inline(always)]
+fn write_forces<S: Simd>([f1, f2, f3]: &Mat3<Lanes<S>>, out: &mut PackMatrices, part: usize) -> Lanes<S> {
+    let mut checksum = f1[0].constant(0.0);
+    for c in 0..3 {
+        let others = f1[c] + f2[c] + f3[c];
+        checksum = checksum + others;
+        (-others).store(&mut out.forces[0][c], part);
+        f1[c].store(&mut out.forces[1][c], part);
+        f2[c].store(&mut out.forces[2][c], part);
+        f3[c].store(&mut out.forces[3][c], part);
+    }
+    checksum
+}
+
+/// What a kernel without tangent writes: forces, volume ratio and checksum.
+#[inline(always)]
+fn store_forces<S: Simd>(forces: &Mat3<Lanes<S>>, jacobian: Lanes<S>, out: &mut PackMatrices, part: usize) {
+    write_forces(forces, out, part).store(&mut out.checksum, part);
+    jacobian.store(&mut out.jacobian, part);
+}
+
 impl<S: Simd> Free<Lanes<S>> {
     /// Adds node 0, minus the sum over the others, and writes everything.
     #[inline(always)]
     fn store(&self, out: &mut PackMatrices, part: usize) {
-        let [f1, f2, f3] = &self.forces;
-        let mut checksum = f1[0].constant(0.0);
-        for c in 0..3 {
-            let others = f1[c] + f2[c] + f3[c];
-            checksum = checksum + others;
-            (-others).store(&mut out.forces[0][c], part);
-            f1[c].store(&mut out.forces[1][c], part);
-            f2[c].store(&mut out.forces[2][c], part);
-            f3[c].store(&mut out.forces[3][c], part);
-        }
+        let mut checksum = write_forces(&self.forces, out, part);
         let [k11, k22, k33] = &self.diagonal;
         let [k12, k13, k23] = &self.off_diagonal;
         for c in 0..3 {

@@ -9,7 +9,7 @@
 use nalgebra::Vector3;
 use pulp::{Simd, WithSimd};
 
-use super::{Dispatch, Free, TRIANGLE, for_packs, load3, load6, load33, parts, store3, store33};
+use super::{Dispatch, Free, TRIANGLE, for_packs, load3, load6, load33, parts, store_forces, store3, store33};
 use crate::{
     lanes::{
         Lanes, Mat3, Real, Vec3, cross, dot, eigenvectors, matrix_product, scaled, signed_svd, transposed_product,
@@ -79,6 +79,23 @@ pub(crate) fn principal_batch<L: PrincipalLaw>(
     })
 }
 
+/// The forces of [`principal_batch`] alone.
+pub(crate) fn principal_forces<L: PrincipalLaw>(
+    dispatch: impl Dispatch,
+    law: &L,
+    packs: &[Pack],
+    q: &[Vector3<f64>],
+    out: &mut [PackMatrices],
+) -> BatchReport {
+    let mut scratch = Scratch::ZERO;
+    for_packs(packs, q, out, |pack, edges, out| {
+        let scratch = &mut scratch;
+        dispatch.run(Decompose { pack, edges, scratch });
+        dispatch.run(Respond { law, pack, scratch });
+        dispatch.run(Forces { pack, edges, scratch, out });
+    })
+}
+
 /// `F = Σ_k e_k D_kᵀ` and its frames.
 struct Decompose<'a> {
     pack: &'a Pack,
@@ -140,6 +157,44 @@ impl<L: PrincipalLaw> WithSimd for Respond<'_, L> {
             store3(&response.twist, &mut scratch.twist, part);
         }
     }
+}
+
+/// Forces alone.
+struct Forces<'a> {
+    pack: &'a Pack,
+    edges: &'a [[Row; 3]; 3],
+    scratch: &'a Scratch,
+    out: &'a mut PackMatrices,
+}
+
+impl WithSimd for Forces<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { pack, edges, scratch, out } = self;
+        for part in 0..parts::<S, 1>(pack) {
+            let (U, V) = (load33(simd, &scratch.U, part), load33(simd, &scratch.V, part));
+            let D = load33(simd, &pack.shape, part);
+            let g = [transposed_product(&V, &D[0]), transposed_product(&V, &D[1]), transposed_product(&V, &D[2])];
+            let e = load33(simd, edges, part);
+            let J = dot(&e[0], &cross(&e[1], &e[2])) * Lanes::load(simd, &pack.inverse_det, part);
+            let stress = load3(simd, &scratch.stress, part);
+            store_forces(&forces(&stress, &U, &g, Lanes::load(simd, &pack.volume, part)), J, out, part);
+        }
+        out.filtered = [0.0; PACK];
+    }
+}
+
+/// `-V0 U Σ g_i` with the principal stresses `Σ`.
+#[inline(always)]
+fn forces<T: Real>(stress: &Vec3<T>, U: &Mat3<T>, g: &Mat3<T>, V0: T) -> Mat3<T> {
+    let stress = scaled(stress, -V0);
+    let mut forces = *g;
+    for i in 0..3 {
+        forces[i] = matrix_product(U, &[stress[0] * g[i][0], stress[1] * g[i][1], stress[2] * g[i][2]]);
+    }
+    forces
 }
 
 /// Filter, forces and blocks.
@@ -226,11 +281,7 @@ fn filter_response<T: Real>(response: &mut PrincipalResponse<T>) -> T {
 /// Forces and blocks from the derivatives in the frames: `U`, and `g_i = Vᵀ D_i`.
 #[inline(always)]
 fn assemble<T: Real>(response: &PrincipalResponse<T>, U: &Mat3<T>, g: &Mat3<T>, V0: T, J: T) -> Free<T> {
-    let stress = scaled(&response.stress, -V0);
-    let mut forces = *g;
-    for i in 0..3 {
-        forces[i] = matrix_product(U, &[stress[0] * g[i][0], stress[1] * g[i][1], stress[2] * g[i][2]]);
-    }
+    let forces = forces(&response.stress, U, g, V0);
     let half = V0 * 0.5;
     let (mut shear, mut coupling) = (response.flip, response.flip);
     for a in 0..3 {

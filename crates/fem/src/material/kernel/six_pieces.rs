@@ -12,14 +12,14 @@
 use nalgebra::Vector3;
 use pulp::{Simd, WithSimd};
 
-use super::{Dispatch, Free, TRIANGLE, for_packs, load6, load33, parts};
+use super::{Dispatch, Free, TRIANGLE, for_packs, load6, load33, parts, store_forces};
 use crate::{
     lanes::{Lanes, Mat3, Real, Vec3, cross, dot, scaled, sum},
     material::{
         BatchReport,
         hyperelastic::{Hyperelastic, Isotropic, Response},
     },
-    pack::{Pack, PackMatrices, Row},
+    pack::{PACK, Pack, PackMatrices, Row},
 };
 
 /// Forces and exact tangents of packs of one law.
@@ -31,6 +31,88 @@ pub(crate) fn six_pieces_batch<L: Hyperelastic>(
     out: &mut [PackMatrices],
 ) -> BatchReport {
     for_packs(packs, q, out, |pack, edges, out| dispatch.run(SixPieces { law, pack, edges, out }))
+}
+
+/// The forces of [`six_pieces_batch`] alone.
+pub(crate) fn six_pieces_forces<L: Hyperelastic>(
+    dispatch: impl Dispatch,
+    law: &L,
+    packs: &[Pack],
+    q: &[Vector3<f64>],
+    out: &mut [PackMatrices],
+) -> BatchReport {
+    for_packs(packs, q, out, |pack, edges, out| dispatch.run(Forces { law, pack, edges, out }))
+}
+
+/// Energy of packs of one law (J), summed element by element.
+pub(crate) fn six_pieces_energy<L: Hyperelastic>(
+    dispatch: impl Dispatch,
+    law: &L,
+    packs: &[Pack],
+    q: &[Vector3<f64>],
+) -> f64 {
+    let mut sum = 0.0;
+    for pack in packs {
+        let energies = dispatch.run(Energy { law, pack, edges: &pack.edges(q) });
+        sum += energies.iter().take(pack.len).sum::<f64>();
+    }
+    sum
+}
+
+struct Forces<'a, L> {
+    law: &'a L,
+    pack: &'a Pack,
+    edges: &'a [[Row; 3]; 3],
+    out: &'a mut PackMatrices,
+}
+
+impl<L: Hyperelastic> WithSimd for Forces<'_, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { law, pack, edges, out } = self;
+        for part in 0..parts::<S, 1>(pack) {
+            let gram = load6(simd, &pack.gram, part);
+            let inverse_det = Lanes::load(simd, &pack.inverse_det, part);
+            let strain = Strain::new(&load33(simd, edges, part), &gram, inverse_det);
+            let r = law.response(strain.I1, strain.I2, strain.J);
+            let at = Deformed {
+                dJ: &strain.dJ,
+                FD: &strain.FD,
+                FF: &strain.FF,
+                gram: &gram,
+                r: &r,
+                V0: Lanes::load(simd, &pack.volume, part),
+            };
+            store_forces(&at.forces::<L>(), strain.J, out, part);
+        }
+        out.filtered = [0.0; 8];
+    }
+}
+
+struct Energy<'a, L> {
+    law: &'a L,
+    pack: &'a Pack,
+    edges: &'a [[Row; 3]; 3],
+}
+
+impl<L: Hyperelastic> WithSimd for Energy<'_, L> {
+    type Output = Row;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Row {
+        let Self { law, pack, edges } = self;
+        let mut energies = [0.0; PACK];
+        for part in 0..parts::<S, 1>(pack) {
+            let gram: [Lanes<S>; 6] = load6(simd, &pack.gram, part);
+            let inverse_det = Lanes::load(simd, &pack.inverse_det, part);
+            let strain = Strain::new(&load33(simd, edges, part), &gram, inverse_det);
+            let r = law.response(strain.I1, strain.I2, strain.J);
+            (r.energy * Lanes::load(simd, &pack.volume, part)).store(&mut energies, part);
+        }
+        energies
+    }
 }
 
 struct SixPieces<'a, L> {
@@ -57,38 +139,52 @@ impl<L: Hyperelastic> WithSimd for SixPieces<'_, L> {
     }
 }
 
+/// What the law and the pieces need of a deformed element.
+struct Strain<T> {
+    dJ: Mat3<T>,
+    FD: Mat3<T>,
+    /// Triangle of `F Fᵀ`.
+    FF: [T; 6],
+    I1: T,
+    I2: T,
+    J: T,
+}
+
+impl<T: Real> Strain<T> {
+    #[inline(always)]
+    fn new(e: &Mat3<T>, gram: &[T; 6], inverse_det: T) -> Self {
+        let dJ = [
+            scaled(&cross(&e[1], &e[2]), inverse_det),
+            scaled(&cross(&e[2], &e[0]), inverse_det),
+            scaled(&cross(&e[0], &e[1]), inverse_det),
+        ];
+        let J = dot(&e[0], &dJ[0]);
+        let mut FD = *e;
+        for i in 0..3 {
+            for c in 0..3 {
+                FD[i][c] =
+                    e[0][c] * gram[TRIANGLE[0][i]] + e[1][c] * gram[TRIANGLE[1][i]] + e[2][c] * gram[TRIANGLE[2][i]];
+            }
+        }
+        let mut FF = *gram;
+        for c in 0..3 {
+            for r in c..3 {
+                FF[TRIANGLE[r][c]] = e[0][r] * FD[0][c] + e[1][r] * FD[1][c] + e[2][r] * FD[2][c];
+            }
+        }
+        let I1 = FF[0] + FF[3] + FF[5];
+        // Sum of the principal minors of F Fᵀ.
+        let I2 = (FF[0] * FF[3] - FF[1] * FF[1]) + (FF[0] * FF[5] - FF[2] * FF[2]) + (FF[3] * FF[5] - FF[4] * FF[4]);
+        Self { dJ, FD, FF, I1, I2, J }
+    }
+}
+
 #[inline(always)]
 fn six_pieces<T: Real, L: Hyperelastic>(law: &L, e: &Mat3<T>, gram: &[T; 6], inverse_det: T, V0: T) -> Free<T> {
-    let dJ = [
-        scaled(&cross(&e[1], &e[2]), inverse_det),
-        scaled(&cross(&e[2], &e[0]), inverse_det),
-        scaled(&cross(&e[0], &e[1]), inverse_det),
-    ];
-    let J = dot(&e[0], &dJ[0]);
-    let mut FD = *e;
-    for i in 0..3 {
-        for c in 0..3 {
-            FD[i][c] = e[0][c] * gram[TRIANGLE[0][i]] + e[1][c] * gram[TRIANGLE[1][i]] + e[2][c] * gram[TRIANGLE[2][i]];
-        }
-    }
-    // Triangle of F Fᵀ.
-    let mut FF = *gram;
-    for c in 0..3 {
-        for r in c..3 {
-            FF[TRIANGLE[r][c]] = e[0][r] * FD[0][c] + e[1][r] * FD[1][c] + e[2][r] * FD[2][c];
-        }
-    }
-    let I1 = FF[0] + FF[3] + FF[5];
-    // Sum of the principal minors of F Fᵀ.
-    let I2 = (FF[0] * FF[3] - FF[1] * FF[1]) + (FF[0] * FF[5] - FF[2] * FF[2]) + (FF[3] * FF[5] - FF[4] * FF[4]);
-    let r = law.response(I1, I2, J);
-
-    let at = Deformed { dJ: &dJ, FD: &FD, FF: &FF, gram, r: &r, V0 };
-    let minus_V0 = -V0;
-    let mut forces = *e;
-    for i in 0..3 {
-        forces[i] = scaled(&sum(&at.stretched::<L>(&r.S, i), &scaled(&dJ[i], r.s1)), minus_V0);
-    }
+    let strain = Strain::new(e, gram, inverse_det);
+    let r = law.response(strain.I1, strain.I2, strain.J);
+    let at = Deformed { dJ: &strain.dJ, FD: &strain.FD, FF: &strain.FF, gram, r: &r, V0 };
+    let forces = at.forces::<L>();
     // V0 s1 ∂²J/∂q_i∂q_j: D_1 x D_2 = E_3 / det E and its cyclic permutations.
     let s = r.s1 * V0 * inverse_det;
     let off_diagonal = [
@@ -97,7 +193,7 @@ fn six_pieces<T: Real, L: Hyperelastic>(law: &L, e: &Mat3<T>, gram: &[T; 6], inv
         subtract_skew(at.block::<L>(1, 2), &scaled(&e[0], s)),
     ];
     let diagonal = [at.triangle::<L>(0), at.triangle::<L>(1), at.triangle::<L>(2)];
-    Free { forces, diagonal, off_diagonal, jacobian: J }
+    Free { forces, diagonal, off_diagonal, jacobian: strain.J }
 }
 
 /// A deformed element with the response of its law.
@@ -112,6 +208,18 @@ struct Deformed<'a, T> {
 }
 
 impl<T: Real> Deformed<'_, T> {
+    /// `-V0 P D_i`.
+    #[inline(always)]
+    fn forces<L: Hyperelastic>(&self) -> Mat3<T> {
+        let minus_V0 = -self.V0;
+        let mut forces = *self.dJ;
+        for i in 0..3 {
+            let along = self.stretched::<L>(&self.r.S, i);
+            forces[i] = scaled(&sum(&along, &scaled(&self.dJ[i], self.r.s1)), minus_V0);
+        }
+        forces
+    }
+
     /// `F S D_i`.
     #[inline(always)]
     fn stretched<L: Hyperelastic>(&self, S: &Isotropic<T>, i: usize) -> Vec3<T> {

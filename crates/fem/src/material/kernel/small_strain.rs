@@ -5,7 +5,7 @@
 use nalgebra::Vector3;
 use pulp::{Simd, WithSimd};
 
-use super::{Dispatch, Free, TRIANGLE, for_packs, load6, load33, parts};
+use super::{Dispatch, Free, TRIANGLE, for_packs, load6, load33, parts, store_forces};
 use crate::{
     lanes::{Lanes, Mat3, Real, cross, dot, matrix_product, scaled},
     material::{BatchReport, Lame},
@@ -21,6 +21,41 @@ pub(crate) fn small_strain_batch(
     out: &mut [PackMatrices],
 ) -> BatchReport {
     for_packs(packs, q, out, |pack, edges, out| dispatch.run(SmallStrain { lame, pack, edges, out }))
+}
+
+/// The forces of [`small_strain_batch`] alone.
+pub(crate) fn small_strain_forces(
+    dispatch: impl Dispatch,
+    lame: Lame,
+    packs: &[Pack],
+    q: &[Vector3<f64>],
+    out: &mut [PackMatrices],
+) -> BatchReport {
+    for_packs(packs, q, out, |pack, edges, out| dispatch.run(Forces { lame, pack, edges, out }))
+}
+
+struct Forces<'a> {
+    lame: Lame,
+    pack: &'a Pack,
+    edges: &'a [[Row; 3]; 3],
+    out: &'a mut PackMatrices,
+}
+
+impl WithSimd for Forces<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { lame, pack, edges, out } = self;
+        for part in 0..parts::<S, 1>(pack) {
+            let e = load33(simd, edges, part);
+            let D = load33(simd, &pack.shape, part);
+            let J = dot(&e[0], &cross(&e[1], &e[2])) * Lanes::load(simd, &pack.inverse_det, part);
+            let V0: Lanes<S> = Lanes::load(simd, &pack.volume, part);
+            store_forces(&forces(&e, &D, V0 * lame.mu, V0 * lame.lambda), J, out, part);
+        }
+        out.filtered = [0.0; PACK];
+    }
 }
 
 struct SmallStrain<'a> {
@@ -50,6 +85,24 @@ impl WithSimd for SmallStrain<'_> {
 #[inline(always)]
 fn small_strain<T: Real>(lame: Lame, e: &Mat3<T>, D: &Mat3<T>, gram: &[T; 6], V0: T, J: T) -> Free<T> {
     let (mu, lambda) = (V0 * lame.mu, V0 * lame.lambda);
+    let forces = forces(e, D, mu, lambda);
+    let (d1, d2, d3) =
+        (block(D, gram, mu, lambda, 0, 0), block(D, gram, mu, lambda, 1, 1), block(D, gram, mu, lambda, 2, 2));
+    Free {
+        forces,
+        diagonal: [triangle(&d1), triangle(&d2), triangle(&d3)],
+        off_diagonal: [
+            block(D, gram, mu, lambda, 0, 1),
+            block(D, gram, mu, lambda, 0, 2),
+            block(D, gram, mu, lambda, 1, 2),
+        ],
+        jacobian: J,
+    }
+}
+
+/// `-V0 P D_i`, with the moduli times `V0`.
+#[inline(always)]
+fn forces<T: Real>(e: &Mat3<T>, D: &Mat3<T>, mu: T, lambda: T) -> Mat3<T> {
     // V0 P by columns, from the displacement gradient G = F - I.
     let mut G = *e;
     for c in 0..3 {
@@ -70,18 +123,7 @@ fn small_strain<T: Real>(lame: Lame, e: &Mat3<T>, D: &Mat3<T>, gram: &[T; 6], V0
     for i in 0..3 {
         forces[i] = scaled(&matrix_product(&P, &D[i]), mu.constant(-1.0));
     }
-    let (d1, d2, d3) =
-        (block(D, gram, mu, lambda, 0, 0), block(D, gram, mu, lambda, 1, 1), block(D, gram, mu, lambda, 2, 2));
-    Free {
-        forces,
-        diagonal: [triangle(&d1), triangle(&d2), triangle(&d3)],
-        off_diagonal: [
-            block(D, gram, mu, lambda, 0, 1),
-            block(D, gram, mu, lambda, 0, 2),
-            block(D, gram, mu, lambda, 1, 2),
-        ],
-        jacobian: J,
-    }
+    forces
 }
 
 /// `K_ij = V0 (μ (D_i·D_j I + D_j D_iᵀ) + λ D_i D_jᵀ)`, with the moduli times `V0`.
