@@ -61,6 +61,7 @@ impl Body {
             rayleigh_mass = {}
             rayleigh_stiffness = {}
             settle = {settle}
+            compliance = "asynchronous"
             material = {material}
             fixed = [{fixed}]
             {more}
