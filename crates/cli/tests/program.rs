@@ -135,7 +135,7 @@ fn check_says_what_was_understood_of_every_bundled_scene() {
         assert!(listed.out.lines().any(|l| l.starts_with(scene.name)), "{}", listed.out);
         let check = place.run(&format!("check {}", scene.name));
         assert_eq!((check.code, check.err.as_str()), (Some(0), ""), "{check:?}");
-        for word in ["nodes", "kg", "young = ", "kind = ", "friction", "rates"] {
+        for word in ["nodes", "kg", "young = ", "kind = ", "by compliance", "friction", "rates"] {
             assert!(check.out.contains(word), "{word}: {}", check.out);
         }
         assert!(!check.out.contains("warning"), "{}", check.out);
