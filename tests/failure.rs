@@ -80,13 +80,11 @@ fn a_crushed_body_ends_the_run_named_at_rest_without_force_and_traced() {
     for (name, lockstep) in [("lockstep", true), ("real time", false)] {
         let path = folder.path().join(format!("{lockstep}.mcap"));
         let options = RunOptions { lockstep, trace: Some(path.clone()), ..self::lockstep() };
-        // Moved by the factor of the block at rest for the whole run: beyond what a body bears. In real time the factor
-        // thread wakes once in a thousand seconds.
+        // Moved by the factor of the block at rest for the whole run: beyond what a body bears.
         let world = world(|scene| {
             crush(scene);
             by_an_old_factor(scene);
-            scene.bodies[0].guard = false;
-            (scene.rates.factor_delay, scene.rates.factor) = (10.0, if lockstep { 10.0 } else { 1e-3 });
+            (scene.bodies[0].compliance, scene.bodies[0].guard) = (ComplianceMethod::Warped, false);
         });
         let (outcome, recorder) = record(&world, &options);
         let summary = &outcome.summary;

@@ -5,13 +5,13 @@
 //! residual itself is that of the gaps `δ_free + h H w`, which no approximation of `W` enters.
 
 use palpate_fem::pcg::{PcgConfig, pcg};
-use palpate_fem::preconditioner::WarpedPreconditioner;
 use palpate_fem::sparse::SystemMatrix;
 use palpate_solver::report::{SolveReport, SolveStatus};
 use palpate_solver::residual::{natural_map, scale};
 
 use super::lagrange::{LagrangeStage, lagrange};
 use super::penalty::{PenaltyStage, penalty};
+use super::preconditioner::StepPreconditioner;
 use super::{StepInput, StepReport, StepState, StepWorkspace};
 use crate::scene::ContactMethod;
 use crate::world::World;
@@ -77,8 +77,8 @@ fn balance(world: &World, input: &StepInput<'_>, ws: &mut StepWorkspace) {
     direct.load.fill(0.0);
     ws.rows.tissue.add_transposed(&ws.lambda[..ws.rows.len()], &mut direct.load);
     direct.load.iter_mut().for_each(|f| *f *= ws.dt);
-    let mut preconditioner =
-        WarpedPreconditioner { factor: &input.factor.factor, rotations: &ws.rotations, workspace: &mut ws.solve };
+    let own = ws.own.as_ref().filter(|_| ws.own_is_current);
+    let mut preconditioner = StepPreconditioner::new(own, input.factor, &ws.rotations, &mut ws.solve);
     let relative_tolerance = body.tolerance.min(world.description().solver.tolerance);
     let config = PcgConfig { relative_tolerance, max_iterations: body.max_iterations };
     pcg(&ws.fem.system, &direct.load, &mut direct.motion, &mut preconditioner, config, &mut ws.pcg);

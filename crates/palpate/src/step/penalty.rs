@@ -6,11 +6,11 @@ use palpate_constraints::penalty::solve::{
 };
 use palpate_constraints::rows::ToolMotion;
 use palpate_fem::pcg::PcgConfig;
-use palpate_fem::preconditioner::WarpedPreconditioner;
 use palpate_fem::sparse::SystemMatrix;
 use palpate_solver::report::{SolveReport, SolveStatus};
 
 use super::direct::{DirectMethod, DirectStage};
+use super::preconditioner::StepPreconditioner;
 use super::stages::NOT_SOLVED;
 use super::{StepInput, StepState, StepWorkspace};
 use crate::world::World;
@@ -61,8 +61,8 @@ pub(super) fn penalty(world: &World, input: &StepInput<'_>, state: &StepState, w
     let body = &description.bodies[0];
     let linear = PcgConfig { relative_tolerance: body.tolerance, max_iterations: body.max_iterations };
     let limits = PenaltyLimits { tolerance: ws.limits.0, iterations: ws.limits.1, linear };
-    let mut preconditioner =
-        WarpedPreconditioner { factor: &input.factor.factor, rotations: &ws.rotations, workspace: &mut ws.solve };
+    let own = ws.own.as_ref().filter(|_| ws.own_is_current);
+    let mut preconditioner = StepPreconditioner::new(own, input.factor, &ws.rotations, &mut ws.solve);
     let report = penalty_motion(&problem, &limits, &mut preconditioner, motion, &mut ws.lambda[..m], &mut stage.ws);
     let status = match report.status {
         PenaltyStatus::Converged => SolveStatus::Solved,
