@@ -198,7 +198,7 @@ fn a_block_slides_with_the_acceleration_of_coulomb_by_both() {
     }
 }
 
-/// Below it, Lagrange multipliers hold the block to the solver's tolerance.
+/// Below it, Lagrange multipliers hold the block to the tolerances of the solver and of the free motion.
 #[test]
 fn a_block_sticks_by_lagrange_multipliers() {
     let world = incline("method = \"lagrange\"", 0.4, 0.0, 1.0 / DT);
@@ -208,7 +208,7 @@ fn a_block_sticks_by_lagrange_multipliers() {
     (0..10).for_each(|_| _ = settled_step(&mut sim));
     let moved = block::distance(sim.positions(), &before);
     println!("moved by {moved:.1e} m in 10 steps");
-    assert!(moved < 1e-10, "{moved}");
+    assert!(moved < 1e-9, "{moved}");
 }
 
 /// Penalty does what its doc says it must: the weight sinks in by `m g cos θ / (n k)`, and the block creeps by
