@@ -19,6 +19,8 @@ flags! {
         5 => ROLLED_BACK;
         /// There was no compliance: the step went on without contact.
         6 => NO_COMPLIANCE;
+        /// The contact forces of Newton's method still changed when its passes were used up.
+        7 => UNSETTLED;
     }
 }
 
@@ -79,5 +81,7 @@ record! {
         25 => tool_position: [f64; 3], "m";
         /// Its orientation `[x, y, z, w]`.
         26 => tool_orientation: [f64; 4], "";
+        /// Halvings of the motion, by the guard of the linearised step or the line search of Newton's method.
+        27 => cuts: u32, "";
     }
 }
