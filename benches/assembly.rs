@@ -8,8 +8,8 @@
 use std::{hint::black_box, time::Instant};
 
 use criterion::{BenchmarkId, Criterion, Throughput};
-use palpate::fem::assembly::{FemWorkspace, assemble};
-use palpate::fem::element::ElementMatrices;
+use palpate::fem::assembly::{FemWorkspace, assemble, incremental_energy, internal_forces};
+use palpate::fem::element::{ElementKind, ElementMatrices};
 use palpate::fem::material::{BATCH, Law, Material};
 use palpate::fem::pack::{PACK, PackMatrices};
 use palpate::world::World;
@@ -101,8 +101,50 @@ fn print_kernels() {
     }
 }
 
+/// Prints medians (ns per element) of the whole assembly, of forces alone and of the energy alone, by kind of element.
+fn print_kinds() {
+    println!("\nns per element, neo_hookean with filter, bent; medians");
+    println!("| element | elements | threads | assembly | forces alone | energy alone |");
+    println!("| --- | ---: | ---: | ---: | ---: | ---: |");
+    for kind in [ElementKind::Linear, ElementKind::Averaged, ElementKind::Quadratic] {
+        let world = liver(SMALL, |scene| {
+            scene.bodies[0].material = law(LAWS[0]).into();
+            scene.bodies[0].regions.clear();
+            scene.bodies[0].element = kind;
+        });
+        let (model, state) = (world.model(), bent(world.model()));
+        let elements = world.mesh().tetrahedra.len();
+        let repetitions = if measuring() { 41 } else { 1 };
+        for threads in [1, 2] {
+            let [whole, forces, energy] = pool(threads).install(|| {
+                let mut ws = FemWorkspace::new(model);
+                ws.dt = world.dt();
+                let mut times = [Vec::new(), Vec::new(), Vec::new()];
+                for _ in 0..repetitions {
+                    let start = Instant::now();
+                    black_box(assemble(model, &state, world.dt(), &[], &mut ws));
+                    times[0].push(start.elapsed().as_secs_f64());
+                    let start = Instant::now();
+                    black_box(internal_forces(model, &state, &mut ws));
+                    times[1].push(start.elapsed().as_secs_f64());
+                    let start = Instant::now();
+                    black_box(incremental_energy(model, &state, world.dt()));
+                    times[2].push(start.elapsed().as_secs_f64());
+                }
+                times.map(|mut times| {
+                    times.sort_by(f64::total_cmp);
+                    times[times.len() / 2] * 1e9 / elements as f64
+                })
+            });
+            let name = kind.name();
+            println!("| {name} | {elements} | {threads} | {whole:.0} | {forces:.0} | {energy:.0} |");
+        }
+    }
+}
+
 fn main() {
     print_kernels();
+    print_kinds();
     if std::env::args().any(|argument| argument == "table") {
         return;
     }

@@ -7,11 +7,11 @@ mod block;
 use std::path::Path;
 
 use nalgebra::Vector3;
-use palpate::fem::material::Material;
+use palpate::fem::material::{Material, PronyTerm};
 use palpate::fem::model::FemState;
 use palpate::replay::{ReplayError, replay};
 use palpate::run::{Length, RunOptions, RunOutcome};
-use palpate::scene::SceneDescription;
+use palpate::scene::{IntegratorKind, SceneDescription};
 use palpate::simulation::Simulation;
 use palpate::trace::{Attachment, Trace, TraceConfig, TraceWriter};
 
@@ -159,6 +159,25 @@ fn a_number_of_steps_replays_too() {
     let (outcome, _) = block::record(&world, &options);
     assert_eq!(outcome.summary.steps, 20);
     assert!(replay(&path).unwrap().is_identical());
+}
+
+#[test]
+fn a_viscous_body_replays_with_its_memory_and_every_integrator() {
+    let folder = tempfile::tempdir().unwrap();
+    for integrator in [IntegratorKind::BackwardEuler, IntegratorKind::Newton, IntegratorKind::Explicit] {
+        let path = folder.path().join(format!("{integrator:?}.mcap"));
+        let world = block::world(|d| {
+            let body = &mut d.bodies[0];
+            body.block.as_mut().unwrap().cells = [4, 4, 2];
+            (body.integrator, body.rayleigh_mass, body.rayleigh_stiffness) = (integrator, 8.0, 0.0);
+            body.material.viscosity = vec![PronyTerm { modulus: 0.3, time: 0.2 }];
+        });
+        let options = RunOptions { length: Length::Seconds(0.7), ..lockstep(Some(1), Some(&path)) };
+        let (outcome, _) = block::record(&world, &options);
+        assert!(outcome.summary.largest_force > 0.1, "{integrator:?}: {}", outcome.summary.largest_force);
+        assert!(outcome.state.memory.iter().any(|s| s.amax() > 1.0), "{integrator:?}: the tissue is under stress");
+        assert!(replay(&path).unwrap().is_identical(), "{integrator:?}");
+    }
 }
 
 /// Exact compliance and solvers run to the end of their digits, so that what is left to the machine is rounding.

@@ -169,3 +169,39 @@ fn a_body_that_fails_names_an_element_and_its_region() {
     assert!((failed.tetrahedron as usize) < world.mesh().tetrahedra.len());
     assert_eq!(failed.region, world.mesh().regions[failed.tetrahedron as usize]);
 }
+
+#[test]
+fn explicit_steps_report_the_worst_of_their_forces_and_name_the_element_that_is_not_finite() {
+    let world = world(|d| coarse(d, IntegratorKind::Explicit));
+    let mut simulation = Simulation::new(&world).unwrap();
+    let report = simulation.step(&Isometry3::translation(0.033, 0.037, SKIN + RADIUS - 0.004));
+    assert!(report.assembly.min_jacobian < 0.99 && report.assembly.min_jacobian > 0.2, "{:?}", report.assembly);
+    let node = world.model().node_of_free()[20];
+    simulation.state_mut().fem.q[node as usize].y = f64::NAN;
+    let report = simulation.step(&Isometry3::translation(0.0, 0.0, 1.0));
+    assert_eq!(report.status, StepStatus::RolledBack);
+    let failed = report.failed.expect("named").tetrahedron;
+    assert_eq!(report.assembly.non_finite, Some(failed));
+    assert!(world.mesh().tetrahedra[failed as usize].contains(&node));
+}
+
+#[test]
+fn keys_that_the_integrator_never_reads_are_warned_of_by_name() {
+    let keys = ["guard", "definiteness_filter", "compliance", "tolerance", "max_iterations"];
+    for kind in [IntegratorKind::BackwardEuler, IntegratorKind::Newton, IntegratorKind::Explicit] {
+        let world = world(|d| {
+            coarse(d, kind);
+            let body = &mut d.bodies[0];
+            (body.guard, body.definiteness_filter) = (false, false);
+            (body.tolerance, body.max_iterations) = (1e-8, 500);
+        });
+        let warned = |key: &str| world.warnings().iter().any(|w| w.contains(&format!("`{key}`")));
+        assert!(
+            keys.iter().all(|key| warned(key) == (kind != IntegratorKind::BackwardEuler)),
+            "{:?}",
+            world.warnings()
+        );
+    }
+    let plain = world(|d| (d.bodies[0].integrator, d.bodies[0].rayleigh_stiffness) = (IntegratorKind::Newton, 0.0));
+    assert!(plain.warnings().is_empty(), "{:?}", plain.warnings());
+}

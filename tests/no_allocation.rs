@@ -8,6 +8,7 @@ use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, vio
 use nalgebra::Isometry3;
 use palpate::constraints::compliance::ComplianceMethod;
 use palpate::fem::assembly::assemble;
+use palpate::fem::element::ElementKind;
 use palpate::fem::material::PronyTerm;
 use palpate::haptics::exchange::latest;
 use palpate::haptics::script::ScriptKey;
@@ -182,5 +183,68 @@ fn steps_with_penalty_contact_allocate_nothing_either() {
         press();
         assert_eq!(violations(press), 0);
         assert!(touching > 0);
+    });
+}
+
+#[test]
+fn steps_of_quadratic_and_averaged_elements_allocate_nothing_either() {
+    for element in [ElementKind::Quadratic, ElementKind::Averaged] {
+        let world = block::world(|scene| {
+            scene.bodies[0].element = element;
+            scene.bodies[0].block.as_mut().unwrap().cells = [4, 4, 2];
+            scene.bodies[0].material.viscosity = vec![PronyTerm { modulus: 0.3, time: 0.2 }];
+        });
+        on_a_worker(|| {
+            let mut simulation = Simulation::new(&world).unwrap();
+            let mut touching = 0;
+            let mut press = || (0..STEPS).for_each(|k| touching += simulation.step(&pose(k)).active);
+            press();
+            assert_eq!(violations(press), 0, "{element:?}");
+            assert!(touching > 0, "{element:?}");
+        });
+    }
+}
+
+#[test]
+fn the_guard_of_a_body_that_begins_inside_out_allocates_nothing() {
+    for element in [ElementKind::Linear, ElementKind::Quadratic, ElementKind::Averaged] {
+        let world = block::world(|scene| {
+            scene.bodies[0].element = element;
+            scene.bodies[0].block.as_mut().unwrap().cells = [4, 4, 2];
+        });
+        on_a_worker(|| {
+            let mut simulation = Simulation::new(&world).unwrap();
+            let mut cuts = 0;
+            let mut recover = || {
+                for &node in world.model().node_of_free() {
+                    simulation.state_mut().fem.q[node as usize].z = block::SKIN - world.mesh().nodes[node as usize].z;
+                }
+                (0..10).for_each(|k| cuts += simulation.step(&pose(k)).cuts);
+            };
+            recover();
+            assert_eq!(violations(&mut recover), 0, "{element:?}");
+            assert!(cuts > 0, "{element:?}: the guard had nothing to do");
+        });
+    }
+}
+
+#[test]
+fn a_newton_step_that_fails_allocates_nothing_either() {
+    let world = block::world(|scene| scene.bodies[0].integrator = IntegratorKind::Newton);
+    on_a_worker(|| {
+        let mut simulation = Simulation::new(&world).unwrap();
+        for k in 0..STEPS {
+            simulation.step(&pose(k));
+        }
+        let mut failed = 0;
+        let seen = violations(|| {
+            for k in 0..30 {
+                if k % 10 == 9 {
+                    simulation.state_mut().fem.v[200].x = f64::NAN;
+                }
+                failed += usize::from(simulation.step(&pose(k)).status == StepStatus::RolledBack);
+            }
+        });
+        assert_eq!((seen, failed), (0, 3));
     });
 }

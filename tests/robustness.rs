@@ -9,7 +9,9 @@
 use std::path::Path;
 
 use nalgebra::{Isometry3, Rotation3, Vector3};
+use palpate::fem::assembly::{FemWorkspace, internal_forces};
 use palpate::fem::block::{block, evenly};
+use palpate::fem::element::ElementKind;
 use palpate::fem::format::write_msh;
 use palpate::fem::material::Material;
 use palpate::prelude::*;
@@ -69,11 +71,21 @@ struct Outcome {
     /// Largest distance of a node from its place at rest, relative to the height.
     astray: f64,
     smallest: f64,
+    /// Largest speed of a node at the end, in heights per second.
+    speed: f64,
+    /// Forces on the free nodes at the end, relative to those within the body.
+    residual: f64,
 }
 
 impl Outcome {
     fn recovers(&self) -> bool {
         self.astray < 1e-3
+    }
+
+    /// In equilibrium somewhere, uninverted: what is left of the motion after seconds of damping moves a node by less than
+    /// a thousandth of the height in a second, and forces are balanced to a thousandth.
+    fn rests(&self) -> bool {
+        self.inverted == 0 && self.speed < 1e-3 && self.residual < 1e-3
     }
 
     fn text(&self) -> String {
@@ -82,7 +94,13 @@ impl Outcome {
         let shape = if self.recovers() {
             "recovers".into()
         } else {
-            format!("stays {:.0} % astray, {} inverted", 100.0 * self.astray, self.inverted)
+            format!(
+                "stays {:.0} % astray, {} inverted, {:.0e} heights/s, residual {:.0e}",
+                100.0 * self.astray,
+                self.inverted,
+                self.speed,
+                self.residual
+            )
         };
         format!("{shape}{failed}")
     }
@@ -97,7 +115,7 @@ fn mesh(folder: &Path) {
     write_msh(folder.join("block.msh"), &mesh).unwrap();
 }
 
-fn world(folder: &Path, law: &str, ratio: f64, guard: bool) -> World {
+fn world(folder: &Path, law: &str, element: ElementKind, ratio: f64, guard: bool) -> World {
     let text = format!(
         r#"
         name = "ordeal"
@@ -124,6 +142,7 @@ fn world(folder: &Path, law: &str, ratio: f64, guard: bool) -> World {
     scene
         .edit(|d| {
             (d.bodies[0].material, d.bodies[0].guard) = (of(5e3).into(), guard);
+            d.bodies[0].element = element;
             d.bodies[0].regions.insert("stiff".into(), of(5e3 * ratio).into());
         })
         .expect("a sound change");
@@ -149,7 +168,8 @@ fn endure(world: &World, ordeal: Ordeal) -> Outcome {
     let mut simulation = Simulation::new(world).expect("positive definite at rest");
     let rest = world.mesh().nodes.clone();
     let top: Vec<usize> = (0..rest.len()).filter(|&i| rest[i].z > HEIGHT - 1e-9).collect();
-    let mut outcome = Outcome { rolled_back: 0, inverted: 0, astray: 0.0, smallest: f64::INFINITY };
+    let mut outcome =
+        Outcome { rolled_back: 0, inverted: 0, astray: 0.0, smallest: f64::INFINITY, speed: 0.0, residual: 0.0 };
     for &node in world.model().node_of_free() {
         simulation.state_mut().fem.q[node as usize] = ordeal.begun(rest[node as usize]);
     }
@@ -163,6 +183,17 @@ fn endure(world: &World, ordeal: Ordeal) -> Outcome {
         step(&mut simulation, &mut outcome);
     }
     outcome.astray = simulation.positions().iter().zip(&rest).map(|(q, x)| (q - x).norm()).fold(0.0, f64::max) / HEIGHT;
+    let model = world.model();
+    let state = &simulation.state().fem;
+    let speeds = model.node_of_free().iter().map(|&n| state.v[n as usize].norm());
+    outcome.speed = speeds.fold(0.0, f64::max) / HEIGHT;
+    let mut ws = FemWorkspace::new(model);
+    internal_forces(model, state, &mut ws);
+    let square = |nodes: &mut dyn Iterator<Item = usize>| -> f64 {
+        nodes.map(|n| (ws.f_int[n] + model.gravity() * model.mass()[n]).norm_squared()).sum()
+    };
+    let free = square(&mut model.node_of_free().iter().map(|&n| n as usize));
+    outcome.residual = (free / square(&mut (0..model.nodes()))).sqrt();
     outcome
 }
 
@@ -170,19 +201,23 @@ fn endure(world: &World, ordeal: Ordeal) -> Outcome {
 fn every_law_comes_back_or_says_where_it_fails() {
     let folder = tempfile::tempdir().unwrap();
     mesh(folder.path());
-    println!("| law | ratio | {} |", ORDEALS.map(|o| format!("{o:?}")).join(" | "));
-    println!("| --- | --- |{}", " --- |".repeat(ORDEALS.len()));
-    for law in Material::NAMES {
+    println!("| law | element | ratio | {} |", ORDEALS.map(|o| format!("{o:?}")).join(" | "));
+    println!("| --- | --- | --- |{}", " --- |".repeat(ORDEALS.len()));
+    let others = [ElementKind::Quadratic, ElementKind::Averaged].map(|element| ("neo_hookean", element));
+    for (law, element) in Material::NAMES.iter().map(|law| (*law, ElementKind::Linear)).chain(others) {
         for ratio in [1.0, 1e4] {
-            let world = world(folder.path(), law, ratio, true);
+            let world = world(folder.path(), law, element, ratio, true);
             let outcomes = ORDEALS.map(|ordeal| endure(&world, ordeal));
-            println!("| `{law}` | {ratio:e} | {} |", outcomes.map(|o| o.text()).join(" | "));
+            println!("| `{law}` | {} | {ratio:e} | {} |", element.name(), outcomes.map(|o| o.text()).join(" | "));
             for (ordeal, outcome) in ORDEALS.into_iter().zip(outcomes) {
                 // Wound up by a full turn, tissue goes through itself. The laws of this list have more than one equilibrium
                 // between the same two ends then, and rounding decides in which they come to rest: uninverted, not torn.
-                let may_stay = ordeal == Ordeal::Twisted && WIND_UP.contains(law);
-                let whole = outcome.inverted == 0 && outcome.astray < 1.0;
-                assert!(outcome.recovers() || may_stay && whole, "{law}, {ratio:e}, {ordeal:?}: {outcome:?}");
+                let may_stay = ordeal == Ordeal::Twisted && WIND_UP.contains(&law);
+                let whole = outcome.rests() && outcome.astray < 1.0;
+                // Quadratic elements fold between the points at which they are evaluated, and may stay so: the report says it.
+                let folded = element == ElementKind::Quadratic && outcome.inverted > 0;
+                let case = format!("{law}, {element:?}, {ratio:e}, {ordeal:?}: {outcome:?}");
+                assert!(outcome.recovers() || may_stay && whole || folded, "{case}");
             }
         }
     }
@@ -192,7 +227,7 @@ fn every_law_comes_back_or_says_where_it_fails() {
 fn without_the_guard_a_crushed_body_is_torn_named_rolled_back_and_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     mesh(folder.path());
-    let world = world(folder.path(), "neo_hookean", 1.0, false);
+    let world = world(folder.path(), "neo_hookean", ElementKind::Linear, 1.0, false);
     // What `step` asserts of every step that fails: finite, at rest, an element and its region named.
     let outcome = endure(&world, Ordeal::Crushed);
     assert!(outcome.rolled_back > 0 && !outcome.recovers(), "{outcome:?}");

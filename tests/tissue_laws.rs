@@ -5,8 +5,10 @@ mod block;
 
 use std::path::Path;
 
+use palpate::fem::assembly::{FemWorkspace, internal_forces};
+use palpate::fem::element::ElementKind;
 use palpate::fem::material::{Law, Material, PronyTerm};
-use palpate::scene::Scene;
+use palpate::scene::{IntegratorKind, NodeSelection, Scene};
 use palpate::simulation::Simulation;
 use palpate::step::StepStatus;
 use palpate::world::World;
@@ -142,5 +144,54 @@ fn mistakes_of_materials_are_told_with_the_remedy() {
         let text = format!(r#"{{ law = "ogden", young = 6e3, poisson = 0.45, viscosity = [{viscosity}] }}"#);
         let message = scene(&text).and_then(|s| s.build().map(|_| ()).map_err(|e| e.to_string())).unwrap_err();
         assert!(message.contains(part), "{viscosity}: {message}");
+    }
+}
+
+/// Force (N) that a block sheared at once by a tenth bears on its lower side after 0.3 s, over what it bore at first. Its
+/// skin is fixed, so that the strain is uniform and stays.
+fn relaxed(element: ElementKind, integrator: IntegratorKind, rate: f64) -> f64 {
+    let mut scene = scene(&format!(r#"{{ law = "neo_hookean", young = 6e3, poisson = 0.45, {LIVER} }}"#)).unwrap();
+    scene
+        .edit(|d| {
+            (d.gravity, d.rates.step) = ([0.0; 3], rate);
+            let body = &mut d.bodies[0];
+            (body.element, body.integrator, body.rayleigh_stiffness) = (element, integrator, 0.0);
+            body.block.as_mut().unwrap().cells = [3, 3, 2];
+            let sides = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];
+            body.fixed = sides.map(|side| NodeSelection::NodeSet(side.into())).into();
+        })
+        .unwrap();
+    let world = scene.build().unwrap();
+    let mut simulation = Simulation::new(&world).unwrap();
+    simulation.state_mut().fem.q.iter_mut().for_each(|q| q.x += 0.1 * q.z);
+    let mut ws = FemWorkspace::new(world.model());
+    // The stress of this moment: nothing relaxes in no time.
+    ws.dt = 0.0;
+    let mut bears = |simulation: &Simulation<'_>| {
+        internal_forces(world.model(), &simulation.state().fem, &mut ws);
+        world.mesh().node_sets["z_min"].iter().map(|&n| ws.f_int[n as usize].x).sum::<f64>()
+    };
+    let first = bears(&simulation);
+    for _ in 0..(0.3 * rate).round() as u32 {
+        assert_eq!(simulation.step(&pose(0)).status, StepStatus::Advanced);
+    }
+    bears(&simulation) / first
+}
+
+#[test]
+fn a_sheared_block_that_is_held_relaxes_as_its_series_says_with_every_element_and_integrator() {
+    let share = |modulus: f64, time: f64| modulus * (1.0 - f64::exp(-0.3 / time));
+    let exact = 1.0 - share(0.235, 0.27) - share(0.333, 0.03);
+    for element in [ElementKind::Linear, ElementKind::Quadratic, ElementKind::Averaged] {
+        for integrator in [IntegratorKind::BackwardEuler, IntegratorKind::Newton] {
+            // Memory is backward Euler: of first order, (t h / 2τ²) e^(-t/τ) of each share.
+            let errors = [240.0, 480.0].map(|rate| relaxed(element, integrator, rate) - exact);
+            let order = (errors[0] / errors[1]).log2();
+            assert!(errors[0] > 0.0 && errors[0] < 1e-3, "{element:?}, {integrator:?}: {errors:?}");
+            assert!((order - 1.0).abs() < 0.05, "{element:?}, {integrator:?}: order {order}, {errors:?}");
+        }
+        // Substeps are at least as short as the steps above.
+        let error = relaxed(element, IntegratorKind::Explicit, 240.0) - exact;
+        assert!((0.0..1e-3).contains(&error), "{element:?}, explicit: {error}");
     }
 }

@@ -80,6 +80,10 @@ fn facts(s: &RunSummary) -> Table {
         "contacts dropped / factors refused".to_string(),
         format!("{} / {}", s.contacts_dropped, s.factors_refused),
     ]);
+    table.add_row([
+        "steps shortened / with unsettled contact forces".to_string(),
+        format!("{} / {}", s.shortened, s.unsettled),
+    ]);
     let per_step = |n: u64| n as f64 / s.steps.max(1) as f64;
     table.add_row([
         "elements per step: tangent made definite / inverted".to_string(),

@@ -37,6 +37,7 @@ pub(crate) struct Gathering {
     tick_overruns: u64,
     factors_refused: u64,
     contacts_dropped: u64,
+    shortened: u64,
     unsettled: u64,
     filtered: u64,
     inverted: u64,
@@ -76,6 +77,7 @@ impl Gathering {
             tick_overruns: 0,
             factors_refused: 0,
             contacts_dropped: 0,
+            shortened: 0,
             unsettled: 0,
             filtered: 0,
             inverted: 0,
@@ -101,6 +103,7 @@ impl Gathering {
         self.step_overruns += u64::from(report.overruns);
         self.contacts_dropped += report.detection.dropped as u64;
         self.factors_refused += u64::from(report.refused);
+        self.shortened += u64::from(report.cuts > 0);
         self.unsettled += u64::from(report.unsettled);
         self.filtered += u64::from(report.assembly.filtered);
         self.inverted += u64::from(report.assembly.inverted);
@@ -109,8 +112,9 @@ impl Gathering {
             self.failed = true;
             let place = match report.failed {
                 Some(failed) => {
-                    let region = self.regions.get(usize::from(failed.region)).map_or("", String::as_str);
-                    format!("at tetrahedron {} of region `{region}`", failed.tetrahedron)
+                    let region = self.regions.get(usize::from(failed.region));
+                    let region = region.map(|name| format!(" of region `{name}`")).unwrap_or_default();
+                    format!("at tetrahedron {}{region}", failed.tetrahedron)
                 }
                 None => "nowhere in particular".into(),
             };
@@ -195,6 +199,7 @@ impl Gathering {
             contacts_dropped: self.contacts_dropped,
             worst_residual: self.worst_residual,
             worst_tick_residual: self.worst_tick_residual,
+            shortened: self.shortened,
             unsettled: self.unsettled,
             filtered: self.filtered,
             inverted: self.inverted,

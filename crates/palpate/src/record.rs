@@ -198,6 +198,7 @@ impl StepLine {
         flags.set(trace::StepFlags::CONTACT_UNCONVERGED, !report.solve.is_solved());
         flags.set(trace::StepFlags::FACTOR_REFUSED, report.refused);
         flags.set(trace::StepFlags::NO_COMPLIANCE, !report.compliance.usable);
+        flags.set(trace::StepFlags::UNSETTLED, report.unsettled);
         flags.set(trace::StepFlags::ROLLED_BACK, report.status == StepStatus::RolledBack);
         line.push(trace::StepRecord {
             step: report.step,
@@ -231,6 +232,7 @@ impl StepLine {
             sampled_row: report.error.sampled_row,
             correction_iterations: report.error.correction_iterations,
             overlap: report.error.overlap,
+            cuts: report.cuts,
         });
         line.push_positions(time_ns, |positions| {
             for (x, q) in positions.chunks_exact_mut(3).zip(&state.q) {

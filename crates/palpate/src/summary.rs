@@ -161,6 +161,8 @@ pub struct RunSummary {
     pub worst_residual: f64,
     /// Worst relative natural-map residual of a tick.
     pub worst_tick_residual: f64,
+    /// Steps whose motion the guard or Newton's line search shortened.
+    pub shortened: u64,
     /// Steps by Newton's method whose contact forces still changed when their passes were used up.
     pub unsettled: u64,
     /// Elements whose tangent the definiteness filter changed, over all steps.

@@ -100,6 +100,7 @@ impl Bits {
             sampled_row: self.count() as u32,
             correction_iterations: self.count() as u32,
             overlap: self.double(),
+            cuts: self.count() as u32,
         }
     }
 }
@@ -120,7 +121,8 @@ fn step_bits(r: &StepRecord) -> Vec<u64> {
     let doubles = doubles.iter().chain(vectors.iter().flatten()).chain(&r.tool_orientation).map(|x| x.to_bits());
     let durations = [r.assembly_ns, r.free_motion_ns, r.detection_ns, r.compliance_ns, r.solver_ns];
     let more = [r.correction_ns, r.snapshot_ns, r.total_ns, r.step, r.time_ns, r.factor_epoch];
-    let counts = [r.contacts, r.cg_iterations, r.solver_sweeps, r.inverted_elements, r.filtered_elements, r.flags.0];
+    let counts =
+        [r.contacts, r.cg_iterations, r.solver_sweeps, r.inverted_elements, r.filtered_elements, r.cuts, r.flags.0];
     let counts = counts.map(u64::from).into_iter().chain([r.worst_row as u64]);
     doubles.chain(durations).chain(more).chain(counts).collect()
 }

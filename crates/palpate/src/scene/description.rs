@@ -170,6 +170,21 @@ pub struct BodyDescription {
     pub max_iterations: usize,
 }
 
+impl BodyDescription {
+    /// Keys that differ from their defaults and that the body's integrator never reads.
+    pub(crate) fn keys_without_effect(&self) -> impl Iterator<Item = &'static str> {
+        let of_linearised_steps = [
+            ("guard", self.guard != yes()),
+            ("definiteness_filter", self.definiteness_filter != yes()),
+            ("compliance", self.compliance != ComplianceMethod::default()),
+            ("tolerance", self.tolerance != free_motion_tolerance()),
+            ("max_iterations", self.max_iterations != free_motion_iterations()),
+        ];
+        let other = self.integrator != IntegratorKind::BackwardEuler;
+        of_linearised_steps.into_iter().filter(move |&(_, given)| other && given).map(|(key, _)| key)
+    }
+}
+
 /// A law with its parameters and, if wished, viscosity: `{ law = "ogden", young = 5e3, poisson = 0.45, viscosity = [...] }`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TissueDescription {

@@ -109,7 +109,7 @@ pub struct StepReport {
     pub failed: Option<FailedElement>,
     /// Pose of the tool that it used.
     pub tool: Isometry3<f64>,
-    /// Assembly of forces and matrix.
+    /// Assembly of forces and matrix; the worst of the forces of all explicit substeps.
     pub assembly: AssemblyReport,
     /// Linear solves of the free motion: conjugate gradients, or Newton's iterations with the residual that they leave.
     /// None for explicit substeps.
@@ -165,13 +165,7 @@ impl StepReport {
             status: StepStatus::Advanced,
             failed: None,
             tool: input.tool,
-            assembly: AssemblyReport {
-                filtered: 0,
-                inverted: 0,
-                min_jacobian: 1.0,
-                min_jacobian_tetrahedron: 0,
-                non_finite: None,
-            },
+            assembly: AssemblyReport::NONE,
             free_motion: PcgReport { status: PcgStatus::Converged, iterations: 0, relative_residual: 0.0 },
             cuts: 0,
             detection: DetectionReport {
@@ -205,7 +199,7 @@ impl StepReport {
     }
 
     /// Names and units of [`StepReport::row`].
-    pub const COLUMNS: [&'static str; 31] = [
+    pub const COLUMNS: [&'static str; 32] = [
         "step",
         "time_s",
         "tool_x_m",
@@ -229,6 +223,7 @@ impl StepReport {
         "sweeps",
         "cg_iterations",
         "cg_residual",
+        "cuts",
         "factor_epoch",
         "factor_age_s",
         "compliance_error_along_forces",
@@ -240,7 +235,7 @@ impl StepReport {
     ];
 
     /// The report as one row of a table.
-    pub fn row(&self) -> [f64; 31] {
+    pub fn row(&self) -> [f64; 32] {
         let p = self.tool.translation.vector;
         let r = self.tool.rotation;
         [
@@ -267,6 +262,7 @@ impl StepReport {
             f64::from(self.solve.iterations),
             self.free_motion.iterations as f64,
             self.free_motion.relative_residual,
+            f64::from(self.cuts),
             self.factor_epoch as f64,
             self.factor_age,
             self.error.along_forces,

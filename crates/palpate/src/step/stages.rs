@@ -68,6 +68,7 @@ pub(super) fn free_motion(
 pub(super) fn explicit_motion(world: &World, state: &StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
     let Some(stage) = &mut ws.explicit else { return };
     let explicit = explicit_velocity(world.model(), ws.dt, &[], &state.fem, &mut stage.ws);
+    report.assembly = report.assembly.worst(explicit.assembly);
     ws.v_free.copy_from_slice(stage.ws.velocity());
     if explicit.non_finite.is_some() {
         report.free_motion.status = PcgStatus::NonFinite;

@@ -278,11 +278,19 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         filter: body.definiteness_filter,
         ..FemConfig::default()
     };
+    warnings.extend(body.keys_without_effect().map(|key| {
+        format!("`{key}` of body {} has no effect: only integrator = \"backward_euler\" reads it; remove it", body.name)
+    }));
     if config.fixed.is_empty() {
         warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
     }
     let model = FemModel::new(&mesh, &config).map_err(|e| match e {
         FemError::NoBulk { .. } => scene.at("body.0.element", e.to_string(), "change the element or the law"),
+        FemError::Material { ref place, .. } => {
+            let region = body.regions.keys().find(|name| *place == format!("region `{name}`"));
+            let key = region.map_or("material".into(), |name| format!("regions.{name}"));
+            scene.at(&format!("body.0.{key}"), e.to_string(), "correct the value")
+        }
         _ => scene.at("body.0", e.to_string(), "correct the body's materials, density or fixed nodes"),
     })?;
     let positions: Vec<_> = model.node_of_free().iter().map(|&n| mesh.nodes[n as usize]).collect();

@@ -19,6 +19,8 @@ flags! {
         5 => ROLLED_BACK;
         /// There was no compliance: the step went on without contact.
         6 => NO_COMPLIANCE;
+        /// The contact forces of Newton's method still changed when its passes were used up.
+        7 => UNSETTLED;
     }
 }
 
@@ -89,5 +91,7 @@ record! {
         30 => correction_iterations: u32, "";
         /// Deepest overlap that the correction left (m).
         31 => overlap: f64, "m";
+        /// Halvings of the motion, by the guard of the linearised step or the line search of Newton's method.
+        32 => cuts: u32, "";
     }
 }

@@ -206,7 +206,8 @@ impl Case {
 
     /// Time per step (s) of a law while the sphere goes down to the last depth within half a second and stays there.
     pub(crate) fn time(&self, law: &str) -> Result<Option<f64>> {
-        let world = self.world(law, "compliance = \"asynchronous\"", 30.0, mesh(self.cells, self.layers, self.grading))?;
+        let world =
+            self.world(law, "compliance = \"asynchronous\"", 30.0, mesh(self.cells, self.layers, self.grading))?;
         let sim = Simulation::new(&world).map_err(|e| miette!("{e}"))?;
         let depth = |step: u64| DEPTHS[4] * (2.0 * step as f64 / (GROUPS as u64 * REFRESH) as f64).min(1.0);
         Ok(time_per_step(sim, GROUPS, |step| pose(depth(step))))
