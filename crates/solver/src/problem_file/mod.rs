@@ -6,9 +6,11 @@
 //! diagonal, asymmetry) can be written and read, since such problems are what one wants to look at; numbers that are not
 //! finite cannot, since JSON has none.
 //!
-//! [`open`] tells the formats apart by their content. FCLIB files (HDF5) are recognised and refused with a sentence: HDF5
-//! can be read without the C library (`hdf5-reader`, `hdf5-pure`), but a reader of FCLIB's layout is not worth having before
-//! there is a sample of its files to test it on.
+//! [`open`] tells the formats apart by their content. FCLIB files (HDF5) are recognised and refused with a sentence. They
+//! hold `W` as a sparse matrix of the SuiteSparse kinds (triplets, or compressed rows or columns, told apart by a number), in
+//! HDF5 as its C library writes it; the maintained bindings in Rust need that C library, and a reader in pure Rust would have
+//! to be tested against files of the library's own making, of which none is at hand. Siconos writes the same problems
+//! as text (`frictionContact_printInFilename`), which is read.
 
 pub mod siconos;
 
