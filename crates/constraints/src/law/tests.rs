@@ -309,7 +309,7 @@ proptest! {
 #[test]
 fn facets_lose_the_friction_that_geometry_says() {
     let local = LocalCompliance::new(&Matrix3::from_diagonal_element(1e-3), 3);
-    for facets in [4_usize, 8, 16] {
+    for facets in [4_usize, 8, 16, 32] {
         let law = Law::from(FacetedCoulomb { friction: 0.5, facets });
         let along = |angle: f64| {
             let lambda = law.resolve(&local, &Vector3::new(-1e-3, 5e-3 * angle.cos(), 5e-3 * angle.sin()));
@@ -319,6 +319,14 @@ fn facets_lose_the_friction_that_geometry_says() {
         let side = std::f64::consts::PI / facets as f64;
         assert!((along(0.0) - 0.5).abs() < 1e-12, "{facets}: {}", along(0.0));
         assert!((along(side) - 0.5 * side.cos()).abs() < 1e-12, "{facets}: {}", along(side));
+        // Over all headings a third of the loss along a side: (pi / k)^2 / 6 of (pi / k)^2 / 2, to leading order. With few
+        // facets the next order shows.
+        let headings = 64 * facets;
+        let mean: f64 =
+            (0..headings).map(|i| 0.5 - along(std::f64::consts::TAU * i as f64 / headings as f64)).sum::<f64>()
+                / headings as f64;
+        let part = mean / (0.5 * (1.0 - side.cos()));
+        assert!((0.28..=0.40).contains(&part), "{facets}: {part}");
     }
 }
 
