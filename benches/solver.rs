@@ -2,7 +2,8 @@
 //!
 //! First a table: at 10, 30, 60 and 150 contacts a warm solve to 1e-3 from the forces of a tick before, beside the
 //! settings of SOFA's constraint solver (no warm start, a fixed number of sweeps), and cold solves to 1e-8 by every solver.
-//! Once pressed and once dragged along the skin. Then the ratio of Gauss-Seidel to Newton, and the same cases of Gauss-Seidel and Newton under criterion.
+//! Once pressed and once dragged along the skin. Then the ratio of Gauss-Seidel to Newton, and some cases of both under
+//! criterion.
 
 #![allow(clippy::print_stdout)]
 
