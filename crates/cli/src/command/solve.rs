@@ -46,10 +46,8 @@ pub(crate) fn solve(arguments: &SolveArguments) -> Result<u8> {
             say(format_args!("{}: {blocks} blocks, {rows} rows", file.display()))?;
             say(solver_table::runs(&runs))?;
             runs.iter().filter_map(solver_table::attempts).try_for_each(say)?;
-            if !runs.iter().any(|run| run.report.is_solved()) {
-                if let Some(best) = best(&runs) {
-                    say(format_args!("{}: {}", best.solver, best.report.explain(problem)))?;
-                }
+            if let Some(best) = best(&runs).filter(|_| !runs.iter().any(|run| run.report.is_solved())) {
+                say(format_args!("{}: {}", best.solver, best.report.explain(problem)))?;
             }
         }
         if let Some(out) = &arguments.out {
