@@ -33,6 +33,10 @@ const CAPACITY: usize = 160;
 const PRESS_STEPS: u32 = 27;
 const PRESS_STEP: f64 = 1.5e-3;
 
+/// Steps for which the pressed ball is dragged along the skin, and how far (m) in each.
+const DRAG_STEPS: u32 = 4;
+const DRAG_STEP: f64 = 2e-3;
+
 /// The bundled liver with another lattice constant (m) and what else `change` says.
 pub(crate) fn liver(cell: f64, change: impl FnOnce(&mut SceneDescription)) -> World {
     let mut scene = Scene::bundled("liver").expect("the scene is bundled");
@@ -78,6 +82,15 @@ pub(crate) fn press(world: &World) -> (Simulation<'_>, StepReport) {
         report = simulation.step(&(Isometry3::translation(0.0, depth, 0.0) * world.first_pose()));
     }
     (simulation, report)
+}
+
+/// Goes on from [`press`]: the ball slides along the skin at the same depth.
+pub(crate) fn drag(world: &World, simulation: &mut Simulation<'_>) {
+    let depth = PRESS_STEP * f64::from(PRESS_STEPS);
+    for k in 1..=DRAG_STEPS {
+        let along = DRAG_STEP * f64::from(k);
+        simulation.step(&(Isometry3::translation(along, depth, 0.0) * world.first_pose()));
+    }
 }
 
 /// The body bent, twisted and squeezed: half of its elements are compressed, as under a hand.

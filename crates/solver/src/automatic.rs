@@ -7,7 +7,9 @@
 //! 4. Block Gauss-Seidel with many sweeps; then the accelerated gradient.
 //! 5. Cone programs, for symmetric `W`.
 //!
-//! Each begins at the best forces so far. [`AutomaticWorkspace::attempts`] tells what was tried and how it ended. Steps 1, 2,
+//! Each begins at the best forces so far. The report has their residual, the iterations of all attempts, and how the run
+//! ended: a limit of time that was met, else the finding of the last attempt that had one (no solution, stalled), else the
+//! status of the attempt with the least residual. [`AutomaticWorkspace::attempts`] tells what was tried and how it ended. Steps 1, 2,
 //! 3 and 4 allocate nothing; step 5 does.
 
 use crate::accelerated_gradient::{AcceleratedGradientConfig, AcceleratedGradientWorkspace};
@@ -141,8 +143,23 @@ impl ConstraintSolver for AutomaticConfig {
             || attempt(&sweeps, view, lambda, &mut ws.sweeps, watch, &mut best)
             || attempt(&gradient, view, lambda, &mut ws.gradient, watch, &mut best)
             || attempt(&cones, view, lambda, &mut ws.sweeps, watch, &mut best);
-        best.report.unwrap_or_else(|| SolveReport::failed(SolveStatus::Invalid, 0))
+        let Some(report) = best.report else { return SolveReport::failed(SolveStatus::Invalid, 0) };
+        let iterations = best.attempts.iter().map(|attempt| attempt.report.iterations).sum();
+        SolveReport { status: verdict(report.status, best.attempts), iterations, ..report }
     }
+}
+
+/// How the run ended, where `of_best` is the status of the attempt with the least residual: the end of the time before all
+/// else, then what the last attempt found that was not cut short by a limit of iterations.
+fn verdict(of_best: SolveStatus, attempts: &[Attempt]) -> SolveStatus {
+    let ends = || attempts.iter().rev().map(|attempt| attempt.report.status);
+    if of_best == SolveStatus::Solved {
+        return of_best;
+    }
+    if let Some(status) = ends().find(|status| *status == SolveStatus::TimeLimit) {
+        return status;
+    }
+    ends().find(|status| matches!(status, SolveStatus::NoSolution | SolveStatus::Stalled)).unwrap_or(of_best)
 }
 
 /// Runs one solver from the best forces so far; `true` where the search is over.

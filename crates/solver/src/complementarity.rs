@@ -49,6 +49,18 @@ impl Complementarity {
         self.variables.len()
     }
 
+    /// Makes room for the variables of a problem, up to `most`. Allocates where a law has more facets than any before.
+    pub(crate) fn reserve(&mut self, view: &ProblemView<'_>, facets: usize, most: usize) -> usize {
+        let variables = |block: &Block| match block.law.conic_form() {
+            ConicForm::Free => 2 * block.law.rows(),
+            _ => corners(&block.law, facets, 0.0).0 + 2,
+        };
+        // Six more for the room that laying out a block asks for.
+        let needed = view.blocks.iter().map(variables).sum::<usize>().min(most) + 6;
+        self.variables.reserve_exact(needed.saturating_sub(self.variables.len()));
+        needed
+    }
+
     /// Chooses the variables. `facets` is the number of corners where the law leaves it open, `heading` the direction of
     /// the first corner of each block's polygon (rad). `false` where there is no room for them.
     pub(crate) fn lay_out(&mut self, view: &ProblemView<'_>, facets: usize, heading: &[f64]) -> bool {

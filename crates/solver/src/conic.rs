@@ -33,6 +33,7 @@ pub(crate) struct ConicProgram {
     linear: Vec<f64>,
     /// Largest scaled gap.
     size: f64,
+    deadline: Option<Instant>,
 }
 
 /// Rows `b - A x` in cones, column by column as they come.
@@ -134,8 +135,6 @@ impl ConicProgram {
             tol_gap_abs: TOLERANCE,
             tol_gap_rel: TOLERANCE,
             tol_feas: TOLERANCE,
-            time_limit: deadline
-                .map_or(f64::INFINITY, |d| d.saturating_duration_since(Instant::now()).as_secs_f64().max(1e-3)),
             ..DefaultSettings::default()
         };
         let Cones { rows: i, columns: j, values, right, cones } = cones;
@@ -143,7 +142,7 @@ impl ConicProgram {
         let linear = vec![0.0; rows];
         let solver = DefaultSolver::new(&quadratic, &linear, &constraints, &right, &cones, settings)
             .map_err(|_| SolveStatus::Unsupported)?;
-        Ok(Self { solver, linear, size })
+        Ok(Self { solver, linear, size, deadline })
     }
 
     /// Solves with the linear term that belongs to the gap `delta` (m) at the forces `lambda` (N), and writes the new forces
@@ -168,6 +167,15 @@ impl ConicProgram {
                 let skew: f64 = lambda.iter().enumerate().map(|(j, f)| 0.5 * (at(row, j) - at(j, row)) * f).sum();
                 self.linear[row] = (view.delta_free[row] + shift + skew) * scale;
             }
+        }
+        if let Some(deadline) = self.deadline {
+            // What is left of the time, for this program.
+            let time_limit = deadline.saturating_duration_since(Instant::now()).as_secs_f64();
+            if time_limit <= 0.0 {
+                return Err(SolveStatus::TimeLimit);
+            }
+            let settings = DefaultSettings { time_limit, ..self.solver.settings().clone() };
+            self.solver.update_settings(settings).map_err(|_| SolveStatus::Unsupported)?;
         }
         self.solver.update_q(&self.linear).map_err(|_| SolveStatus::Unsupported)?;
         self.solver.solve();

@@ -5,8 +5,8 @@
 //! minimise 1/2 lambda^T W lambda + delta_free^T lambda ,   lambda admissible
 //! ```
 //!
-//! The program is the problem itself, since these laws are associated; rows of `W` may be redundant. Laws with friction end
-//! as [`SolveStatus::Unsupported`]: [`crate::conic_friction`] takes them. Conflicting closed rows make the program
+//! The program is the problem itself, since these laws are associated; rows of `W` may be redundant. Laws with friction
+//! (a coefficient or limit above zero) end as [`SolveStatus::Unsupported`]: [`crate::conic_friction`] takes them. Conflicting closed rows make the program
 //! unbounded, and end as [`SolveStatus::NoSolution`]. Clarabel starts from its own point, not from `lambda`, and allocates:
 //! a reference and a fall-back at step rate, not for the tick.
 
@@ -58,7 +58,11 @@ impl ConstraintSolver for ConicQpConfig {
         let stop = Stop { tolerance: self.tolerance, max_iterations: 1, stall: 1 };
         let deadline = watch.deadline();
         let report = iteration::run(view, lambda, stop, ws, watch, |lambda, ws, _| {
-            let linear = |form| matches!(form, ConicForm::Free | ConicForm::NonNegative | ConicForm::Interval { .. });
+            let linear = |form| match form {
+                ConicForm::Free | ConicForm::NonNegative | ConicForm::Interval { .. } => true,
+                ConicForm::SecondOrder { friction } | ConicForm::Polyhedral { friction, .. } => friction == 0.0,
+                ConicForm::Cylinder { limit } => limit == 0.0,
+            };
             if !view.blocks.iter().all(|block| linear(block.law.conic_form())) {
                 return Advance::Ended(SolveStatus::Unsupported);
             }

@@ -16,7 +16,8 @@
 //! is solved as it is.
 //!
 //! One pivot costs `O(n^2)`, with `n` = 10 per frictional contact at 8 facets: a reference and a fall-back, for tens of
-//! contacts.
+//! contacts. Memory is that of polygons with `facets` corners on every contact; a problem whose own laws have more facets makes
+//! it grow, once.
 
 use crate::complementarity::Complementarity;
 use crate::gauss_seidel::GaussSeidelWorkspace;
@@ -110,6 +111,7 @@ impl ConstraintSolver for LemkeConfig {
                 return Advance::Ended(SolveStatus::Stalled);
             }
             first = false;
+            tableau.reserve(problem.reserve(view, self.facets.max(3), MAX_VARIABLES));
             if !problem.lay_out(view, self.facets.max(3), heading) || !tableau.reset(problem.len()) {
                 return Advance::Ended(SolveStatus::CapacityExceeded);
             }
@@ -165,6 +167,13 @@ impl Tableau {
             pivot_row: Vec::with_capacity(2 * n + 2),
             n: 0,
             capacity: n,
+        }
+    }
+
+    /// Room for `n` variables.
+    fn reserve(&mut self, n: usize) {
+        if n > self.capacity {
+            *self = Self::with_capacity(n);
         }
     }
 

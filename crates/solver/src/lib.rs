@@ -6,6 +6,7 @@
 //! [`residual`]. A solver is one file and one line in [`solver`].
 
 pub mod accelerated_gradient;
+mod active_system;
 pub mod automatic;
 pub mod comparison;
 mod complementarity;
@@ -15,6 +16,7 @@ pub mod conic_qp;
 mod dense;
 pub mod gauss_seidel;
 mod iteration;
+mod krylov;
 pub mod lagrange;
 pub mod lemke;
 pub mod newton;

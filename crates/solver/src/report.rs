@@ -1,5 +1,7 @@
 //! What a solver says of its run.
 
+use crate::problem::ConstraintProblem;
+
 /// How a solve ended. Only [`Solved`](SolveStatus::Solved) meets the tolerance; `lambda` is finite and admissible
 /// (inside its cone, block by block) in every case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -46,6 +48,29 @@ impl SolveReport {
     #[must_use]
     pub fn is_solved(&self) -> bool {
         self.status == SolveStatus::Solved
+    }
+
+    /// The block that is farthest from its law, as a sentence: its number, law and rows, and the gap error that is left.
+    #[must_use]
+    pub fn explain(&self, problem: &ConstraintProblem) -> String {
+        let Some(block) = problem.blocks().get(self.worst_block as usize) else {
+            return "the problem has no rows".to_string();
+        };
+        let (law, first, last) = (block.law.name(), block.start, block.start + block.law.rows() - 1);
+        let rows = if last > first { format!("rows {first} to {last}") } else { format!("row {first}") };
+        let place = format!("block {} (`{law}`, {rows})", self.worst_block);
+        if !self.worst_gap.is_finite() {
+            return format!("{place}: no residual could be computed; look for numbers that are not finite");
+        }
+        let gap = self.worst_gap;
+        match self.status {
+            SolveStatus::Solved => format!("{place} has the largest gap error that is left, {gap:.1e} m"),
+            SolveStatus::Stalled | SolveStatus::NoSolution => format!(
+                "{place} is farthest from its law, by a gap of {gap:.1e} m that no force was found to remove; it may \
+                 conflict with other rows"
+            ),
+            _ => format!("{place} is farthest from its law, by a gap of {gap:.1e} m when the run ended"),
+        }
     }
 
     /// A run that ended before a residual could be computed.

@@ -28,7 +28,10 @@ pub trait ConstraintSolver: Copy + Default {
     fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self;
 
     /// Solves from the forces in `lambda` (N) and leaves the answer there: finite and admissible whatever the status.
-    /// Allocates nothing, unless the solver's own page says otherwise.
+    ///
+    /// Allocates nothing, with three exceptions: the cone programs (Clarabel's own memory), Lemke on a law with more facets
+    /// than any before, and the first factorisation on a thread by Newton, where faer's matrix products reserve packing
+    /// memory that the thread keeps. A thread that must not allocate solves one problem of full size before it begins.
     fn solve_watched(
         &self,
         view: &ProblemView<'_>,

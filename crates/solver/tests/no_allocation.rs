@@ -3,12 +3,14 @@
 mod half_space;
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
-use palpate_constraints::law::{Coulomb, Signorini};
+use palpate_constraints::law::{Bilateral, Coulomb, Signorini};
+use palpate_solver::automatic::AutomaticConfig;
 use palpate_solver::gauss_seidel::{self, GaussSeidelConfig, SweepOrder};
 use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::report::SolveStatus;
 use palpate_solver::residual;
-use palpate_solver::solver::{Solver, SolverWorkspace};
+use palpate_solver::solver::{ConstraintSolver, Solver, SolverWorkspace};
+use palpate_solver::watch::Watch;
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
@@ -70,4 +72,29 @@ fn filling_and_solving_allocate_nothing() {
         let least = if matches!(solver, Solver::Lemke(_)) { 2 } else { 6 };
         assert!(if few { solved == 1 } else { solved >= least }, "{}: {solved}", solver.name());
     }
+
+    // On conflicting joints the automatic choice goes past Newton, whose factorisations are then singular, to Lemke,
+    // many sweeps and the gradient, each of which is looked at here. The cone programs after them allocate.
+    let mut conflict = ConstraintProblem::with_capacity(2);
+    assert!(conflict.reset(2).is_ok());
+    conflict.compliance_mut().fill(1.0);
+    conflict.delta_free_mut().copy_from_slice(&[-1.0, 1.0]);
+    (0..2).for_each(|_| conflict.push_block(Bilateral { rows: 1 }.into()));
+    for name in ["semismooth_newton", "lemke", "gauss_seidel", "accelerated_gradient"] {
+        let solver = Solver::from_name(name).unwrap();
+        let mut ws = solver.workspace(90);
+        lambda.fill(0.0);
+        let report = assert_no_alloc(|| solver.solve(&conflict.view(), &mut lambda[..2], &mut ws));
+        assert!(!report.is_solved(), "{name}: {report:?}");
+        assert_eq!(violation_count(), 0, "{name}");
+    }
+
+    // A problem that the first sweeps of the automatic choice do not solve: it goes on to Newton.
+    let hard = half_space::pressed_sphere(30, 0.5, 8e-3, 1.5e-3);
+    let config = AutomaticConfig::default().limited(1e-10, None);
+    let mut ws = config.workspace(90);
+    lambda.fill(0.0);
+    let report = assert_no_alloc(|| config.solve_watched(&hard.view(), &mut lambda, &mut ws, &mut Watch::none()));
+    assert!(report.is_solved() && ws.attempts().len() > 1, "{:?}", ws.attempts());
+    assert_eq!(violation_count(), 0);
 }

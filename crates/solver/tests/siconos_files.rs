@@ -8,7 +8,7 @@ use palpate_solver::report::SolveStatus;
 use palpate_solver::residual;
 use palpate_solver::solver::ConstraintSolver;
 use palpate_solver::watch::Watch;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The folder of shared problems, or a printed reason.
 fn shared(folder: &str) -> Option<PathBuf> {
@@ -30,6 +30,59 @@ fn data_files(folder: &PathBuf) -> Vec<PathBuf> {
         .collect();
     files.sort();
     files
+}
+
+/// Forces and gaps of the reference: the arrays `r` and `u` of doubles, stored one after the other.
+fn reference_solution(path: &Path, rows: usize) -> [Vec<f64>; 2] {
+    let bytes = std::fs::read(path).unwrap();
+    let magic = b"\x93NUMPY";
+    let mut arrays = (0..bytes.len()).filter(|&at| bytes[at..].starts_with(magic)).map(|at| {
+        // Magic, version, length of the text that describes the array, the text, the numbers.
+        let text = usize::from(u16::from_le_bytes([bytes[at + 8], bytes[at + 9]]));
+        let described = String::from_utf8_lossy(&bytes[at + 10..at + 10 + text]).into_owned();
+        assert!(described.contains("'<f8'") && described.contains(&format!("({rows},)")), "{described}");
+        let numbers = bytes[at + 10 + text..].chunks_exact(8).take(rows);
+        numbers.map(|eight| f64::from_le_bytes(eight.try_into().unwrap())).collect::<Vec<_>>()
+    });
+    [arrays.next().unwrap(), arrays.next().unwrap()]
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+/// Forces and gaps row by row, not norms: those of an independent solver, where `W` leaves no other.
+#[test]
+fn forces_and_gaps_are_those_of_the_reference_where_the_compliance_has_full_rank() {
+    let Some(folder) = shared("friction") else { return };
+    let mut compared = 0;
+    for path in data_files(&folder) {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let problem = siconos::load_friction(&path).unwrap();
+        let w = problem.compliance().into_owned();
+        let eigenvalues = ((&w + w.transpose()) * 0.5).symmetric_eigenvalues();
+        let condition = eigenvalues.max() / eigenvalues.min();
+        // A compliance in single precision of deficient rank has eigenvalues of 1e-7, of either sign.
+        if !(condition > 0.0 && condition < 1e6) {
+            println!("{name:<36} skipped: condition {condition:.1e}");
+            continue;
+        }
+        let solver = AutomaticConfig::default().limited(1e-10, None);
+        let (mut lambda, mut delta) = (vec![0.0; problem.rows()], vec![0.0; problem.rows()]);
+        let mut ws = solver.workspace(problem.rows());
+        let report = solver.solve_watched(&problem.view(), &mut lambda, &mut ws, &mut Watch::none());
+        assert!(report.is_solved(), "{name}: {report:?}");
+        problem.view().gap(&lambda, &mut delta);
+        let [r, u] = reference_solution(&folder.join(format!("{name}.npz")), problem.rows());
+        let zero = vec![0.0; problem.rows()];
+        let forces = distance(&lambda, &r) / distance(&r, &zero).max(f64::MIN_POSITIVE);
+        let gaps = distance(&delta, &u) / distance(problem.delta_free(), &zero);
+        println!("{name:<36} condition {condition:.1e}: forces differ by {forces:.1e}, gaps by {gaps:.1e}");
+        // The residuals, ours 1e-10 and the reference's 1e-8 at worst, times what the condition makes of them.
+        assert!(gaps <= 1e-6 && forces <= 1e-8 * condition.max(1e2), "{name}: {forces:e} {gaps:e}");
+        compared += 1;
+    }
+    assert_eq!(compared, 4, "files whose compliance has full rank");
 }
 
 #[test]

@@ -6,7 +6,7 @@ mod rigid_bodies;
 use nalgebra::{DMatrix, DVector};
 use palpate_constraints::law::{Bilateral, Coulomb, FacetedCoulomb, Law, Signorini, Threshold, Tresca};
 use palpate_solver::automatic::AutomaticConfig;
-use palpate_solver::problem::{ConstraintProblem, ProblemView};
+use palpate_solver::problem::{ConstraintProblem, ProblemError, ProblemView};
 use palpate_solver::report::{SolveReport, SolveStatus};
 use palpate_solver::residual;
 use palpate_solver::solver::{ConstraintSolver, Solver};
@@ -133,6 +133,80 @@ fn a_stalled_solver_is_followed_by_another_and_reported() {
     assert!(report.is_solved());
     let tried: Vec<_> = ws.attempts().iter().map(|attempt| (attempt.solver, attempt.report.is_solved())).collect();
     assert_eq!(tried, [("gauss_seidel", false), ("semismooth_newton", true)]);
+}
+
+/// Two joints that pull one coordinate apart: the report tells of the conflict, not of the limit of the first sweeps.
+#[test]
+fn the_automatic_choice_says_how_its_run_ended() {
+    let w = DMatrix::from_element(2, 2, 1.0);
+    let free = DVector::from_column_slice(&[-1.0, 1.0]);
+    let problem = ConstraintProblem::new(w, free, [Law::from(Bilateral { rows: 1 }); 2]).unwrap();
+    let config = AutomaticConfig::default();
+    let mut ws = config.workspace(2);
+    let mut lambda = [0.0; 2];
+    let report = config.solve_watched(&problem.view(), &mut lambda, &mut ws, &mut Watch::none());
+    assert!(matches!(report.status, SolveStatus::NoSolution | SolveStatus::Stalled), "{report:?}");
+    let (all, least) = ws.attempts().iter().fold((0, f64::INFINITY), |(all, least), attempt| {
+        (all + attempt.report.iterations, f64::min(least, attempt.report.residual))
+    });
+    assert_eq!((report.iterations, report.residual), (all, least));
+    assert!(lambda.iter().all(|force| force.abs() <= 1e6), "{lambda:?}");
+    let told = report.explain(&problem);
+    assert!(told.contains("bilateral") && told.contains("row") && told.contains("block"), "{told}");
+}
+
+#[test]
+fn an_indefinite_compliance_is_named_with_its_row() {
+    let problem = |w: &[f64], n: usize| {
+        let (w, free) = (DMatrix::from_row_slice(n, n, w), DVector::from_element(n, -1.0));
+        ConstraintProblem::new(w, free, vec![Law::from(Signorini); n]).unwrap()
+    };
+    let told = problem(&[1.0, 2.0, 2.0, 1.0], 2).validate().unwrap_err();
+    assert!(matches!(told, ProblemError::Indefinite { row: 0, column: 1, .. }), "{told}");
+    // Every pair of rows is sound, the three together are not: only a factorisation sees it.
+    let hidden = problem(&[1.0, -0.8, -0.8, -0.8, 1.0, -0.8, -0.8, -0.8, 1.0], 3);
+    assert!(hidden.validate().is_ok());
+    let told = hidden.check_semidefinite().unwrap_err();
+    assert!(matches!(told, ProblemError::NegativePivot { row: 2, .. }), "{told}");
+    // Rank one is no mistake, nor is rounding of it.
+    let redundant = problem(&[1.0, 1.0, 1.0, 1.0 + 1e-12], 2);
+    assert!(redundant.validate().is_ok() && redundant.check_semidefinite().is_ok());
+    assert!(rigid_stool().check_semidefinite().is_ok());
+}
+
+/// A factor of these 900 rows takes longer than the time there is: no solver begins one that cannot end.
+#[test]
+fn a_limit_of_time_ends_every_solver_on_a_large_problem() {
+    let problem = half_space::pressed_sphere(300, 0.5, 8e-3, 1.5e-3);
+    for solver in every_solver().filter(|solver| solver.name() != "conic_qp") {
+        let mut ws = solver.workspace(problem.rows());
+        let mut lambda = vec![0.0; problem.rows()];
+        let mut watch = Watch::none().limit(0.02);
+        let report = solver.limited(1e-300, None).solve_watched(&problem.view(), &mut lambda, &mut ws, &mut watch);
+        assert_eq!(report.status, SolveStatus::TimeLimit, "{}: {report:?}", solver.name());
+        assert!(is_admissible(&problem, &lambda), "{}", solver.name());
+    }
+}
+
+#[test]
+fn lemke_has_room_for_any_number_of_facets() {
+    for facets in [16, 32] {
+        let law = Law::from(FacetedCoulomb { friction: 0.4, facets });
+        let source = half_space::pressed_sphere(6, 0.4, 8e-3, 1.5e-3);
+        let w = source.compliance().into_owned();
+        // Lemke is for any W; the sweeps that judge it are for symmetric ones.
+        let w = (&w + w.transpose()) * 0.5;
+        let free = DVector::from_column_slice(source.delta_free());
+        let problem = ConstraintProblem::new(w, free, vec![law; 6]).unwrap();
+        let (lambda, _, report) = solve(&Solver::from_name("lemke").unwrap().limited(1e-8, None), &problem);
+        assert_eq!(report.status, SolveStatus::Solved, "{facets}: {report:?}");
+        let (expected, _, _) = solve(&Solver::from_name("gauss_seidel").unwrap().limited(1e-10, None), &problem);
+        let size = expected.iter().fold(0.0_f64, |size, force| size.max(force.abs()));
+        for (force, expected) in lambda.iter().zip(&expected) {
+            // The condition of the problem, below 1e2, times the residual.
+            assert!((force - expected).abs() <= 1e-6 * size, "{facets}: {force} {expected}");
+        }
+    }
 }
 
 #[test]

@@ -34,6 +34,8 @@ pub(crate) fn solve(arguments: &SolveArguments) -> Result<u8> {
         // Not one of contact, then; some solvers take it all the same.
         if let Err(warning) = problem.validate() {
             eprintln!("warning: {}: {warning}", file.display());
+        } else if let Err(warning) = problem.check_semidefinite() {
+            eprintln!("warning: {}: {warning}", file.display());
         }
         let runs = run_all(std::slice::from_ref(problem), &solvers, arguments.time_limit, samples);
         all_solved &= runs.iter().any(|run| run.report.is_solved());
@@ -44,6 +46,9 @@ pub(crate) fn solve(arguments: &SolveArguments) -> Result<u8> {
             say(format_args!("{}: {blocks} blocks, {rows} rows", file.display()))?;
             say(solver_table::runs(&runs))?;
             runs.iter().filter_map(solver_table::attempts).try_for_each(say)?;
+            if let Some(best) = best(&runs).filter(|_| !runs.iter().any(|run| run.report.is_solved())) {
+                say(format_args!("{}: {}", best.solver, best.report.explain(problem)))?;
+            }
         }
         if let Some(out) = &arguments.out {
             write(out, problem, &runs)?;
@@ -82,9 +87,14 @@ fn description(file: &Path, problem: &ConstraintProblem, tolerance: f64, runs: &
     })
 }
 
+/// The run with the least residual.
+fn best(runs: &[SolverRun]) -> Option<&SolverRun> {
+    runs.iter().min_by(|a, b| a.judged.total_cmp(&b.judged))
+}
+
 /// Forces (N) and gaps (m) of the run with the least residual.
 fn write(out: &Path, problem: &ConstraintProblem, runs: &[SolverRun]) -> Result<()> {
-    let Some(best) = runs.iter().min_by(|a, b| a.judged.total_cmp(&b.judged)) else { return Ok(()) };
+    let Some(best) = best(runs) else { return Ok(()) };
     let mut delta = vec![0.0; problem.rows()];
     problem.view().gap(&best.lambda, &mut delta);
     let solution = json!({

@@ -60,8 +60,8 @@ impl ContactLaw for Bilateral {
     }
 
     #[inline]
-    fn linearize(&self, rho: f64, delta: &Vector3<f64>, _lambda: &Vector3<f64>) -> Linearization {
-        let mut equation = Linearization::zero();
+    fn linearize(&self, rho: f64, delta: &Vector3<f64>, lambda: &Vector3<f64>) -> Linearization {
+        let mut equation = Linearization::without_force(lambda);
         (0..3).for_each(|row| equation.close(row, rho, delta));
         equation
     }

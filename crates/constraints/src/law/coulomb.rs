@@ -127,7 +127,7 @@ impl ContactLaw for Coulomb {
             return equation;
         }
         equation.close(0, rho, delta);
-        equation.disc(self.friction * x.x, self.friction, rho, delta, lambda);
+        equation.disc(0.0, self.friction, rho, delta, lambda);
         equation
     }
 }

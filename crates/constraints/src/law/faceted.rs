@@ -199,12 +199,10 @@ impl ContactLaw for FacetedCoulomb {
             equation.close(1, rho, delta);
             equation.close(2, rho, delta);
         } else if v.abs() <= mu * sin * x.x {
-            let by_x = [[e.x * e.x, e.x * e.y], [e.x * e.y, e.y * e.y]];
-            let p = m * (mu * cos * x.x) + e * v;
-            equation.tangential(&p, &by_x, &(m * (mu * cos)), rho, lambda);
+            equation.facet(m, mu * cos, true, rho, delta, lambda);
         } else {
             let d = m * cos + e * (sin * v.signum());
-            equation.tangential(&(d * (mu * x.x)), &[[0.0; 2]; 2], &(d * mu), rho, lambda);
+            equation.facet(d, mu, false, rho, delta, lambda);
         }
         equation
     }

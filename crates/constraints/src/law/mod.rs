@@ -31,7 +31,7 @@ pub use bilateral::Bilateral;
 pub use conic::ConicForm;
 pub use coulomb::{Coulomb, MAX_FRICTION};
 pub use faceted::{FacetedCoulomb, MAX_FACETS};
-pub use linearization::Linearization;
+pub use linearization::{Linearization, RowEquation};
 pub use local::{COMPLIANCE_FLOOR, LocalCompliance, natural_stiffness};
 pub use signorini::Signorini;
 pub use threshold::Threshold;

@@ -7,7 +7,7 @@
 //! The local problem has the one solution `lambda = clamp(-b / W, 0, limit)`. The law has no memory: what has once given
 //! way holds again in the next step unless its owner replaces the law.
 
-use super::{ConicForm, ContactLaw, LawError, Linearization, LocalCompliance};
+use super::{ConicForm, ContactLaw, LawError, Linearization, LocalCompliance, RowEquation};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -73,7 +73,7 @@ impl ContactLaw for Threshold {
         let mut equation = Linearization::without_force(lambda);
         let x = lambda.x - rho * delta.x;
         if x >= self.limit {
-            equation.value.x = lambda.x - self.limit;
+            equation.rows[0] = RowEquation::Given { excess: lambda.x - self.limit, slope: 0.0 };
         } else if x > 0.0 {
             equation.close(0, rho, delta);
         }

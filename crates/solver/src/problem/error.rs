@@ -105,4 +105,30 @@ pub enum ProblemError {
         /// What would have been accepted.
         tolerance: f64,
     },
+    /// Two rows are coupled more strongly than their own compliances allow.
+    #[error(
+        "W[{row}, {column}] = {value} exceeds sqrt(W[{row}, {row}] W[{column}, {column}]) = {bound}: W is indefinite, and \
+         some forces would work against their own motion; look for a system matrix that is not positive definite"
+    )]
+    Indefinite {
+        /// The row.
+        row: usize,
+        /// The column.
+        column: usize,
+        /// `W_ij`, m/N.
+        value: f64,
+        /// `sqrt(W_ii W_jj)`, m/N.
+        bound: f64,
+    },
+    /// The factorisation of `W` meets a negative pivot.
+    #[error(
+        "pivot {pivot:.3e} of row {row} of W (its compliance, m/N, with the rows before it held) is negative: W is \
+         indefinite; look for a system matrix that is not positive definite"
+    )]
+    NegativePivot {
+        /// The row.
+        row: usize,
+        /// The pivot, m/N.
+        pivot: f64,
+    },
 }

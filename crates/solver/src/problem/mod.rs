@@ -10,6 +10,7 @@
 //! problems from elsewhere whose `W` is not symmetric (linear complementarity problems) are treated as they are written.
 
 mod error;
+mod semidefinite;
 mod view;
 
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector, Dyn};
@@ -17,6 +18,7 @@ use palpate_constraints::law::Law;
 use serde::{Deserialize, Serialize};
 
 pub use error::ProblemError;
+pub use semidefinite::PIVOT_TOLERANCE;
 pub use view::ProblemView;
 pub(crate) use view::{gather, scatter};
 
@@ -156,7 +158,8 @@ impl ConstraintProblem {
         }
     }
 
-    /// Checks sizes, parameters and numbers, and symmetry to [`SYMMETRY_TOLERANCE`]. O(m²).
+    /// Checks sizes, parameters and numbers, symmetry to [`SYMMETRY_TOLERANCE`], and that no two rows are coupled more
+    /// strongly than a semidefinite `W` allows. O(m²).
     ///
     /// # Errors
     /// The first mistake, with its row.
@@ -190,6 +193,10 @@ impl ConstraintProblem {
                 let asymmetry = (value - transposed).abs() / scale;
                 if asymmetry > tolerance {
                     return Err(ProblemError::NotSymmetric { row, column, value, transposed, asymmetry, tolerance });
+                }
+                // A minor of order two; with the room that the symmetry is given.
+                if tolerance.is_finite() && value.abs() > scale * (1.0 + tolerance.max(SYMMETRY_TOLERANCE)) {
+                    return Err(ProblemError::Indefinite { row, column, value, bound: scale });
                 }
             }
         }

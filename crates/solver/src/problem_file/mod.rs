@@ -6,9 +6,13 @@
 //! diagonal, asymmetry) can be written and read, since such problems are what one wants to look at; numbers that are not
 //! finite cannot, since JSON has none.
 //!
-//! [`open`] tells the formats apart by their content. FCLIB files (HDF5) are recognised and refused with a sentence: HDF5
-//! can be read without the C library (`hdf5-reader`, `hdf5-pure`), but a reader of FCLIB's layout is not worth having before
-//! there is a sample of its files to test it on.
+//! [`open`] tells the formats apart by their content. FCLIB files (HDF5) are recognised and refused with a sentence. The
+//! bindings to the HDF5 library need that library of the system; the readers in pure Rust (`hdf5-reader` 0.12, `hdf5-pure`
+//! 0.47, both MIT or Apache) are before their first stable version, and nothing here shows that they read what old versions of
+//! the library wrote. FCLIB holds `W` as a sparse matrix of one of the kinds of SuiteSparse (triplets, compressed
+//! rows or columns, told apart by a number) or as a global problem without `W`; a reader of these layouts that was never
+//! run on a file of the library's own making would be a guess, and none is at hand. Siconos writes the same problems as text
+//! (`frictionContact_printInFilename`), which is read.
 
 pub mod siconos;
 
