@@ -17,6 +17,7 @@
 //! so that the matrix is of order one for any stiffness of the bodies. Columns of `W` are read where they lie; those of
 //! a sliding contact are combined once.
 
+use crate::columns::Columns;
 use crate::dense::LinearSystem;
 use crate::gauss_seidel::add_columns;
 use crate::krylov::KrylovSystem;
@@ -209,53 +210,6 @@ fn assemble<S: Columns>(
         for (unknown, entry) in active.unknowns().iter().zip(right.iter_mut().skip(active.first)) {
             *entry = S::entry(-unknown.value / active.scale - unknown.weight * active.scale * unknown.test.dot(&gap));
         }
-    }
-}
-
-/// A matrix by columns, in the precision of its solver, with the right side behind it.
-pub(crate) trait Columns {
-    /// A number of the matrix.
-    type Entry: Copy;
-
-    /// Column `j`; the right side for `j` the number of unknowns.
-    fn column_mut(&mut self, j: usize) -> &mut [Self::Entry];
-
-    /// A number in that precision.
-    fn entry(value: f64) -> Self::Entry;
-
-    /// Adds to an entry.
-    fn add(entry: &mut Self::Entry, value: f64);
-}
-
-impl Columns for LinearSystem {
-    type Entry = f64;
-
-    fn column_mut(&mut self, j: usize) -> &mut [f64] {
-        LinearSystem::column_mut(self, j)
-    }
-
-    fn entry(value: f64) -> f64 {
-        value
-    }
-
-    fn add(entry: &mut f64, value: f64) {
-        *entry += value;
-    }
-}
-
-impl Columns for KrylovSystem {
-    type Entry = f32;
-
-    fn column_mut(&mut self, j: usize) -> &mut [f32] {
-        KrylovSystem::column_mut(self, j)
-    }
-
-    fn entry(value: f64) -> f32 {
-        value as f32
-    }
-
-    fn add(entry: &mut f32, value: f64) {
-        *entry += value as f32;
     }
 }
 

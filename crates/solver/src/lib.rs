@@ -8,6 +8,7 @@
 pub mod accelerated_gradient;
 mod active_system;
 pub mod automatic;
+mod columns;
 pub mod comparison;
 mod complementarity;
 mod conic;
