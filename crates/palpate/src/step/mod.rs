@@ -20,8 +20,10 @@
 //! tool; `q_free` would show the tool deep in tissue that has already sprung back.
 
 mod accuracy;
+mod correction;
 mod direct;
 mod guard;
+mod hand_over;
 mod lagrange;
 mod newton;
 mod penalty;
@@ -93,7 +95,7 @@ pub fn step(
     accuracy::sample_column(world, input.factor, ws, &mut report);
     report.times.sampling = clock.lap();
     accuracy::choose_next(world, state, &report);
-    stages::hand_over(world, input, state, ws, &report, snapshot);
+    hand_over::hand_over(world, input, state, ws, &report, snapshot);
     state.tool = Some(input.tool);
     state.step += 1;
     report.times.hand_over = clock.lap();
@@ -117,7 +119,7 @@ fn contact(
     report.times.compliance += clock.lap();
     stages::solve(world, input, state, ws, report);
     report.times.solve += clock.lap();
-    stages::correct(world, input.factor, state, ws, report);
+    correction::correct(world, input.factor, state, ws, report);
     report.times.correction += clock.lap();
 }
 

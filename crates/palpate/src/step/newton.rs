@@ -16,7 +16,7 @@ use palpate_fem::integrator::newton::{NewtonConfig, NewtonStatus};
 use palpate_fem::pcg::{PcgReport, PcgStatus};
 
 use super::workspace::NewtonStage;
-use super::{Clock, StepInput, StepReport, StepState, StepWorkspace, stages};
+use super::{Clock, StepInput, StepReport, StepState, StepWorkspace, correction, stages};
 use crate::world::World;
 
 /// Most motions under corrected forces in one step.
@@ -63,7 +63,7 @@ pub(super) fn newton_with_contact(
         motion(world, config, state, ws, report);
         report.times.free_motion += clock.lap();
     }
-    stages::correct(world, input.factor, state, ws, report);
+    correction::correct(world, input.factor, state, ws, report);
     report.times.correction = clock.lap();
 }
 
@@ -227,7 +227,7 @@ path = [{ time = 0, position = [0.02, 0.02, 0.05] }]
         let carried = ws.newton.as_ref().unwrap().carried.iter().sum::<f64>() * world.dt();
         let factor = crate::refresh::FactorSample::first(&world, &simulation.state().fem, &mut ws).unwrap();
         stages::compliance(&world, &factor, 0, &mut ws, &mut report);
-        stages::correct(&world, &factor, simulation.state_mut(), &mut ws, &mut report);
+        correction::correct(&world, &factor, simulation.state_mut(), &mut ws, &mut report);
         assert_eq!(report.status, StepStatus::Advanced);
         let after = momentum(&world, &simulation.state().fem.v);
         assert!(carried > 1e-4 && (after - before).norm() < 1e-9 * carried, "{carried} N s, {}", after - before);

@@ -5,21 +5,18 @@ use palpate_collision::contact::Contact;
 use palpate_collision::detection::detect;
 use palpate_constraints::compliance::{self, ComplianceMethod, WarpedInverse};
 use palpate_constraints::law::{Coulomb, Law, Signorini};
-use palpate_constraints::rows::{ContactRows, RowInput, ToolMotion, build_fixed_rows, build_rows};
-use palpate_fem::assembly::advance_memory;
+use palpate_constraints::rows::{RowInput, ToolMotion, build_fixed_rows, build_rows};
 use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::integrator::backward_euler::factor_end;
 use palpate_fem::integrator::explicit::explicit_velocity;
 use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
 use palpate_fem::rotation::nodal_rotations;
-use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
 use palpate_solver::report::{SolveReport, SolveStatus};
 
-use super::accuracy;
 use super::direct::direct_contact;
 use super::preconditioner::StepPreconditioner;
 use super::workspace::NewtonStage;
-use super::{FailedElement, StepInput, StepReport, StepState, StepStatus, StepWorkspace};
+use super::{StepInput, StepReport, StepState, StepWorkspace};
 use crate::refresh::FactorSample;
 use crate::scene::Refactor;
 use crate::world::{Integration, World};
@@ -125,7 +122,7 @@ pub(super) fn rows(
 }
 
 /// The law of a contact with the tool.
-fn contact_law(world: &World) -> Law {
+pub(super) fn contact_law(world: &World) -> Law {
     let friction = world.description().contact.friction;
     if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() }
 }
@@ -195,31 +192,6 @@ pub(super) fn inverse<'a>(
     }
 }
 
-/// `h A⁻¹ Hᵀ lambda` into `ws.correction`, with the inverse that gave `W`, for the part of `lambda` that the free motion
-/// does not carry already, or the motion of a direct approach; false where that cannot be.
-fn correction(world: &World, factor: &FactorSample, ws: &mut StepWorkspace) -> bool {
-    if let Some(direct) = &ws.direct {
-        ws.correction.copy_from_slice(&direct.motion);
-        return true;
-    }
-    if let Some(newton) = &mut ws.newton {
-        newton.carried.iter_mut().zip(&ws.lambda).for_each(|(carried, lambda)| *carried = lambda - *carried);
-    }
-    let lambda = ws.newton.as_ref().map_or(&ws.lambda, |newton| &newton.carried);
-    let lambda = &lambda[..ws.rows.len()];
-    match &mut ws.explicit {
-        Some(explicit) => {
-            let inverse = WarpedInverse { inverse: &explicit.inverse, rotations: None };
-            compliance::correct(inverse, lambda, ws.dt, &mut ws.correction, &mut explicit.compliance)
-        }
-        None => {
-            let own = ws.own.as_ref().filter(|_| ws.own_is_current);
-            let (inverse, _) = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
-            compliance::correct(inverse, lambda, ws.dt, &mut ws.correction, &mut ws.compliance)
-        }
-    }
-}
-
 /// Contact forces by the scene's method: its solver from those of the last step, or a direct approach.
 pub(super) fn solve(
     world: &World,
@@ -265,38 +237,6 @@ fn weighted(contact: &Contact, q: &[Vector3<f64>]) -> Vector3<f64> {
     contact.nodes.iter().zip(&contact.weights).filter_map(|(&n, w)| Some(q.get(n as usize)? * *w)).sum()
 }
 
-/// Motion of a node in one step, relative to the body's mean motion and to its size, beyond which the body is no longer
-/// one: tissue that folds and tears apart does so by growing powers, and is stopped long before its numbers overflow.
-const TORN: f64 = 10.0;
-
-/// True where all positions are finite and no node has left the body.
-fn is_whole(state: &StepState, nodes: &[u32], h: f64, size: f64) -> bool {
-    let velocities = || nodes.iter().map(|&n| state.fem.v[n as usize]);
-    let mean: Vector3<f64> = velocities().sum::<Vector3<f64>>() / nodes.len() as f64;
-    // Written so that NaN is not whole.
-    let near = velocities().all(|v| h * (v - mean).norm() <= TORN * size);
-    near && state.fem.q.iter().all(|q| q.iter().all(|x| x.is_finite()))
-}
-
-/// The element to name when a body fails: the one that is known to be at fault, or one at the node that has gone astray,
-/// whose velocity is not finite or the farthest from the body's mean.
-fn failed_element(world: &World, state: &StepState, known: Option<u32>) -> Option<FailedElement> {
-    let mesh = world.mesh();
-    let astray = || {
-        let nodes = world.model().node_of_free();
-        let velocities = || nodes.iter().map(|&n| state.fem.v[n as usize]);
-        let mean = velocities().sum::<Vector3<f64>>() / nodes.len() as f64;
-        let far = |v: Vector3<f64>| if v.norm().is_finite() { (v - mean).norm() } else { f64::INFINITY };
-        let strays =
-            nodes.iter().copied().zip(velocities().map(far)).map(|(n, d)| (n, if d.is_nan() { 0.0 } else { d }));
-        let (node, _) = strays.reduce(|a, b| if b.1 > a.1 { b } else { a })?;
-        let corner = mesh.tetrahedra.iter().position(|t| t.contains(&node));
-        corner.or_else(|| mesh.mid_nodes.iter().position(|t| t.contains(&node))).map(|t| t as u32)
-    };
-    let tetrahedron = known.filter(|&t| (t as usize) < mesh.tetrahedra.len()).or_else(astray)?;
-    Some(FailedElement { tetrahedron, region: mesh.regions.get(tetrahedron as usize).copied().unwrap_or(0) })
-}
-
 /// A solve that did not happen.
 pub(super) const NOT_SOLVED: SolveReport = SolveReport {
     status: SolveStatus::NotFinite,
@@ -305,117 +245,3 @@ pub(super) const NOT_SOLVED: SolveReport = SolveReport {
     worst_block: 0,
     worst_gap: f64::INFINITY,
 };
-
-/// `v+ = v_free + h A⁻¹ Hᵀ lambda`, `q+ = q + h v+`, with the inverse that gave `W`; back to the state before where a
-/// number is not finite or the body is torn apart.
-pub(super) fn correct(
-    world: &World,
-    factor: &FactorSample,
-    state: &mut StepState,
-    ws: &mut StepWorkspace,
-    report: &mut StepReport,
-) {
-    let h = ws.dt;
-    let lambda = &ws.lambda[..ws.rows.len()];
-    let touched = match &ws.newton {
-        // Forces that the motion carries and that were let go of must leave it again.
-        Some(newton) => lambda.iter().zip(&newton.carried).any(|(l, carried)| l != carried),
-        None => lambda.iter().any(|&l| l != 0.0),
-    };
-    if touched && !correction(world, factor, ws) {
-        ws.correction.fill(f64::NAN);
-    }
-    if touched {
-        accuracy::correct_exactly(world, factor, ws, report);
-    }
-    // Explicit forces are those of a step that ended where this one begins.
-    let explicit = matches!(world.integration(), Integration::Explicit { .. });
-    if explicit {
-        advance_memory(world.model(), &mut state.fem, h);
-    }
-    for (k, &node) in world.model().node_of_free().iter().enumerate() {
-        let mut v = Vector3::new(ws.v_free[3 * k], ws.v_free[3 * k + 1], ws.v_free[3 * k + 2]);
-        if touched {
-            v += Vector3::new(ws.correction[3 * k], ws.correction[3 * k + 1], ws.correction[3 * k + 2]);
-        }
-        let node = node as usize;
-        state.fem.v[node] = v;
-        state.fem.q[node] += h * v;
-    }
-    let overflow = report.assembly.non_finite.is_some() || report.free_motion.status == PcgStatus::NonFinite;
-    if overflow || !is_whole(state, world.model().node_of_free(), h, ws.size) {
-        report.failed = failed_element(world, state, report.assembly.non_finite);
-        state.roll_back();
-        report.status = StepStatus::RolledBack;
-        (report.force, report.torque) = (Vector3::zeros(), Vector3::zeros());
-        return;
-    }
-    if !explicit {
-        advance_memory(world.model(), &mut state.fem, h);
-    }
-}
-
-/// The local problem for the tick: rows, compliance and forces as they were solved.
-pub(super) fn hand_over(
-    world: &World,
-    input: &StepInput<'_>,
-    state: &StepState,
-    ws: &StepWorkspace,
-    report: &StepReport,
-    snapshot: &mut HapticSnapshot,
-) {
-    snapshot.clear();
-    // The tick takes number 0 for "no step yet".
-    snapshot.step = report.step + 1;
-    snapshot.time = input.time + world.dt();
-    snapshot.dt = ws.dt;
-    snapshot.tool_pose = input.tool;
-    snapshot.factor_epoch = input.factor.epoch;
-    snapshot.factor_age = report.factor_age;
-    let sound = report.status == StepStatus::Advanced && report.compliance.usable;
-    if !sound {
-        return;
-    }
-    let m = ws.rows.len();
-    let lambda = ws.lambda.get(..m).unwrap_or(&[]);
-    let of_tissue = push_rows(world, &ws.rows, lambda, state, snapshot);
-    // Fixed skin gives way to nothing: its rows and columns of W are zero, and the tick adds the compliance of the tool.
-    let all = of_tissue && push_rows(world, &ws.fixed_rows, &[], state, snapshot);
-    let view = ws.problem.view();
-    let n = snapshot.rows();
-    if all && n == m + ws.fixed_rows.len() {
-        for (j, column) in snapshot.compliance_mut().chunks_exact_mut(n.max(1)).enumerate() {
-            column.fill(0.0);
-            if j < m {
-                column[..m].copy_from_slice(view.column(j));
-            }
-        }
-        snapshot.valid = true;
-    }
-}
-
-/// Pushes all contacts that have rows, with zero force where `lambda` has none; false where one found no room.
-fn push_rows(
-    world: &World,
-    rows: &ContactRows,
-    lambda: &[f64],
-    state: &StepState,
-    snapshot: &mut HapticSnapshot,
-) -> bool {
-    rows.blocks.iter().all(|block| {
-        let range = block.range();
-        let mut tool_rows = [[0.0; 6]; 3];
-        let count = range.len().min(tool_rows.len());
-        for (to, from) in tool_rows.iter_mut().zip(&rows.tool[range.clone()]) {
-            *to = [from.force.x, from.force.y, from.force.z, from.torque.x, from.torque.y, from.torque.z];
-        }
-        let Some(contact) = state.contacts.contacts.get(block.contact as usize) else { return false };
-        snapshot.push(&SnapshotContact {
-            law: contact_law(world),
-            feature: contact.feature,
-            tool_rows: &tool_rows[..count],
-            delta_free: &rows.delta_free[range.clone()],
-            lambda: lambda.get(range).unwrap_or(&[0.0; 3][..count]),
-        })
-    })
-}
