@@ -22,9 +22,9 @@ use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BatchReport, Lame, Law, MaterialError,
+    BatchReport, Lame, Law,
     kernel::{PrincipalLaw, principal::PrincipalResponse, principal_batch, principal_forces},
-    lame::{ElasticParameters, validate_young_poisson},
+    lame::{ElasticParameters, elastic_moduli, elastic_parameters},
     principal::PrincipalTangent,
 };
 use crate::{
@@ -47,21 +47,9 @@ pub struct Corotational {
     pub poisson: f64,
 }
 
-impl TryFrom<ElasticParameters> for Corotational {
-    type Error = MaterialError;
-
-    fn try_from(p: ElasticParameters) -> Result<Self, MaterialError> {
-        let (young, poisson) = p.young_poisson("corotational")?;
-        Ok(Self { young, poisson })
-    }
-}
+elastic_parameters!(Corotational, "corotational");
 
 impl Corotational {
-    /// From Young's modulus (Pa) and Poisson's ratio; not validated.
-    pub fn from_young_poisson(young: f64, poisson: f64) -> Self {
-        Self { young, poisson }
-    }
-
     #[inline]
     fn stress(&self, F: &Matrix3<f64>, R: &Matrix3<f64>) -> Matrix3<f64> {
         let Lame { mu, lambda } = self.small_strain();
@@ -91,19 +79,7 @@ impl PrincipalLaw for Corotational {
 }
 
 impl Law for Corotational {
-    fn validate(&self) -> Result<(), MaterialError> {
-        validate_young_poisson(self.young, self.poisson)
-    }
-
-    #[inline]
-    fn small_strain(&self) -> Lame {
-        Lame::from_young_poisson(self.young, self.poisson)
-    }
-
-    fn relaxed(&self, share: f64) -> Self {
-        let lame = self.small_strain().relaxed(share);
-        Self { young: lame.young(), poisson: lame.poisson() }
-    }
+    elastic_moduli!();
 
     fn energy_density(&self, F: &Matrix3<f64>) -> f64 {
         let Lame { mu, lambda } = self.small_strain();

@@ -161,3 +161,45 @@ impl ElasticParameters {
         Ok((young, poisson))
     }
 }
+
+/// Construction of a law whose parameters are `young` and `poisson` alone, in files also `mu` and `lambda`.
+macro_rules! elastic_parameters {
+    ($Law:ident, $name:literal) => {
+        impl TryFrom<$crate::material::lame::ElasticParameters> for $Law {
+            type Error = $crate::material::MaterialError;
+
+            fn try_from(p: $crate::material::lame::ElasticParameters) -> Result<Self, $crate::material::MaterialError> {
+                let (young, poisson) = p.young_poisson($name)?;
+                Ok(Self { young, poisson })
+            }
+        }
+
+        impl $Law {
+            /// From Young's modulus (Pa) and Poisson's ratio at small strain; not validated.
+            pub fn from_young_poisson(young: f64, poisson: f64) -> Self {
+                Self { young, poisson }
+            }
+        }
+    };
+}
+
+/// What a law trait asks about the small-strain moduli, for a law that keeps them as `young` and `poisson`.
+macro_rules! elastic_moduli {
+    () => {
+        fn validate(&self) -> Result<(), $crate::material::MaterialError> {
+            $crate::material::lame::validate_young_poisson(self.young, self.poisson)
+        }
+
+        #[inline]
+        fn small_strain(&self) -> $crate::material::Lame {
+            $crate::material::Lame::from_young_poisson(self.young, self.poisson)
+        }
+
+        fn relaxed(&self, share: f64) -> Self {
+            let lame = $crate::material::Lame::from_young_poisson(self.young, self.poisson).relaxed(share);
+            Self { young: lame.young(), poisson: lame.poisson() }
+        }
+    };
+}
+
+pub(super) use {elastic_moduli, elastic_parameters};

@@ -15,9 +15,9 @@ use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BatchReport, Lame, Law, MaterialError,
+    BatchReport, Lame, Law,
     kernel::{small_strain_batch, small_strain_forces},
-    lame::{ElasticParameters, validate_young_poisson},
+    lame::{ElasticParameters, elastic_moduli, elastic_parameters},
 };
 use crate::{
     element::{ElementMatrices, Tetrahedron},
@@ -34,36 +34,10 @@ pub struct Linear {
     pub poisson: f64,
 }
 
-impl TryFrom<ElasticParameters> for Linear {
-    type Error = MaterialError;
-
-    fn try_from(p: ElasticParameters) -> Result<Self, MaterialError> {
-        let (young, poisson) = p.young_poisson("linear")?;
-        Ok(Self { young, poisson })
-    }
-}
-
-impl Linear {
-    /// From Young's modulus (Pa) and Poisson's ratio; not validated.
-    pub fn from_young_poisson(young: f64, poisson: f64) -> Self {
-        Self { young, poisson }
-    }
-}
+elastic_parameters!(Linear, "linear");
 
 impl Law for Linear {
-    fn validate(&self) -> Result<(), MaterialError> {
-        validate_young_poisson(self.young, self.poisson)
-    }
-
-    #[inline]
-    fn small_strain(&self) -> Lame {
-        Lame::from_young_poisson(self.young, self.poisson)
-    }
-
-    fn relaxed(&self, share: f64) -> Self {
-        let lame = self.small_strain().relaxed(share);
-        Self { young: lame.young(), poisson: lame.poisson() }
-    }
+    elastic_moduli!();
 
     fn is_frame_indifferent(&self) -> bool {
         false

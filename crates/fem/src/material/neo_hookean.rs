@@ -19,7 +19,7 @@ pub use super::volume::EXTENSION_BELOW;
 use super::{
     Bulk, Lame, MaterialError,
     hyperelastic::{Hyperelastic, Isotropic, Response, StrainFactor},
-    lame::validate_young_poisson,
+    lame::{elastic_moduli, validate_young_poisson},
     volume::logarithmic,
 };
 use crate::lanes::Real;
@@ -84,19 +84,7 @@ impl Hyperelastic for NeoHookean {
     const MIXED: bool = false;
     const CURVED: bool = false;
 
-    fn validate(&self) -> Result<(), MaterialError> {
-        validate_young_poisson(self.young, self.poisson)
-    }
-
-    #[inline]
-    fn small_strain(&self) -> Lame {
-        Lame::from_young_poisson(self.young, self.poisson)
-    }
-
-    fn relaxed(&self, share: f64) -> Self {
-        let lame = Hyperelastic::small_strain(self).relaxed(share);
-        Self { young: lame.young(), poisson: lame.poisson() }
-    }
+    elastic_moduli!();
 
     fn without_bulk(&self) -> Option<(Self, Bulk)> {
         let Lame { mu, lambda } = Hyperelastic::small_strain(self);

@@ -13,9 +13,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Lame, MaterialError,
+    Lame,
     hyperelastic::{Hyperelastic, Isotropic, Response},
-    lame::{ElasticParameters, validate_young_poisson},
+    lame::{ElasticParameters, elastic_moduli, elastic_parameters},
 };
 use crate::lanes::Real;
 
@@ -29,39 +29,13 @@ pub struct StVenantKirchhoff {
     pub poisson: f64,
 }
 
-impl TryFrom<ElasticParameters> for StVenantKirchhoff {
-    type Error = MaterialError;
-
-    fn try_from(p: ElasticParameters) -> Result<Self, MaterialError> {
-        let (young, poisson) = p.young_poisson("st_venant_kirchhoff")?;
-        Ok(Self { young, poisson })
-    }
-}
-
-impl StVenantKirchhoff {
-    /// From Young's modulus (Pa) and Poisson's ratio at small strain; not validated.
-    pub fn from_young_poisson(young: f64, poisson: f64) -> Self {
-        Self { young, poisson }
-    }
-}
+elastic_parameters!(StVenantKirchhoff, "st_venant_kirchhoff");
 
 impl Hyperelastic for StVenantKirchhoff {
     const MIXED: bool = false;
     const CURVED: bool = true;
 
-    fn validate(&self) -> Result<(), MaterialError> {
-        validate_young_poisson(self.young, self.poisson)
-    }
-
-    #[inline]
-    fn small_strain(&self) -> Lame {
-        Lame::from_young_poisson(self.young, self.poisson)
-    }
-
-    fn relaxed(&self, share: f64) -> Self {
-        let lame = Hyperelastic::small_strain(self).relaxed(share);
-        Self { young: lame.young(), poisson: lame.poisson() }
-    }
+    elastic_moduli!();
 
     #[inline(always)]
     fn response<T: Real>(&self, I1: T, I2: T, J: T) -> Response<T> {

@@ -16,9 +16,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Bulk, Lame, MaterialError,
+    Bulk, Lame,
     hyperelastic::{Hyperelastic, Isotropic, Response, StrainFactor, VolumeFactor},
-    lame::{ElasticParameters, validate_young_poisson},
+    lame::{ElasticParameters, elastic_moduli, elastic_parameters},
 };
 use crate::lanes::Real;
 
@@ -32,39 +32,13 @@ pub struct StableNeoHookean {
     pub poisson: f64,
 }
 
-impl TryFrom<ElasticParameters> for StableNeoHookean {
-    type Error = MaterialError;
-
-    fn try_from(p: ElasticParameters) -> Result<Self, MaterialError> {
-        let (young, poisson) = p.young_poisson("stable_neo_hookean")?;
-        Ok(Self { young, poisson })
-    }
-}
-
-impl StableNeoHookean {
-    /// From Young's modulus (Pa) and Poisson's ratio at small strain; not validated.
-    pub fn from_young_poisson(young: f64, poisson: f64) -> Self {
-        Self { young, poisson }
-    }
-}
+elastic_parameters!(StableNeoHookean, "stable_neo_hookean");
 
 impl Hyperelastic for StableNeoHookean {
     const MIXED: bool = false;
     const CURVED: bool = true;
 
-    fn validate(&self) -> Result<(), MaterialError> {
-        validate_young_poisson(self.young, self.poisson)
-    }
-
-    #[inline]
-    fn small_strain(&self) -> Lame {
-        Lame::from_young_poisson(self.young, self.poisson)
-    }
-
-    fn relaxed(&self, share: f64) -> Self {
-        let lame = Hyperelastic::small_strain(self).relaxed(share);
-        Self { young: lame.young(), poisson: lame.poisson() }
-    }
+    elastic_moduli!();
 
     fn without_bulk(&self) -> Option<(Self, Bulk)> {
         let Lame { mu, lambda } = Hyperelastic::small_strain(self);

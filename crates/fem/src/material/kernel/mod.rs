@@ -19,7 +19,7 @@ pub(crate) use self::{
     small_strain::{small_strain_batch, small_strain_forces},
 };
 use crate::{
-    lanes::{Lanes, Mat3, Real, Vec3},
+    lanes::{Lanes, Mat3, Real, Vec3, cross, dot},
     material::BatchReport,
     pack::{PACK, Pack, PackMatrices, Row},
 };
@@ -66,6 +66,12 @@ fn for_packs(
 #[inline(always)]
 fn parts<S: Simd, const N: usize>(pack: &Pack) -> usize {
     pack.len.min(PACK).div_ceil(Lanes::<S, N>::COUNT)
+}
+
+/// `J` of elements with deformed edges `e`.
+#[inline(always)]
+fn jacobian<S: Simd, const N: usize>(simd: S, e: &Mat3<Lanes<S, N>>, pack: &Pack, part: usize) -> Lanes<S, N> {
+    dot(&e[0], &cross(&e[1], &e[2])) * Lanes::load(simd, &pack.inverse_det, part)
 }
 
 #[inline(always)]

@@ -9,11 +9,11 @@
 use nalgebra::Vector3;
 use pulp::{Simd, WithSimd};
 
-use super::{Dispatch, Free, TRIANGLE, for_packs, load3, load6, load33, parts, store_forces, store3, store33};
+use super::{
+    Dispatch, Free, TRIANGLE, for_packs, jacobian, load3, load6, load33, parts, store_forces, store3, store33,
+};
 use crate::{
-    lanes::{
-        Lanes, Mat3, Real, Vec3, cross, dot, eigenvectors, matrix_product, scaled, signed_svd, transposed_product,
-    },
+    lanes::{Lanes, Mat3, Real, Vec3, eigenvectors, matrix_product, scaled, signed_svd, transposed_product},
     material::{BatchReport, principal::ROUNDING},
     pack::{PACK, Pack, PackMatrices, Row},
 };
@@ -178,7 +178,7 @@ impl WithSimd for Forces<'_> {
             let D = load33(simd, &pack.shape, part);
             let g = [transposed_product(&V, &D[0]), transposed_product(&V, &D[1]), transposed_product(&V, &D[2])];
             let e = load33(simd, edges, part);
-            let J = dot(&e[0], &cross(&e[1], &e[2])) * Lanes::load(simd, &pack.inverse_det, part);
+            let J = jacobian(simd, &e, pack, part);
             let stress = load3(simd, &scratch.stress, part);
             store_forces(&forces(&stress, &U, &g, Lanes::load(simd, &pack.volume, part)), J, out, part);
         }
@@ -227,7 +227,7 @@ impl WithSimd for Assemble<'_> {
             let D = load33(simd, &pack.shape, part);
             let g = [transposed_product(&V, &D[0]), transposed_product(&V, &D[1]), transposed_product(&V, &D[2])];
             let e = load33(simd, edges, part);
-            let J = dot(&e[0], &cross(&e[1], &e[2])) * Lanes::load(simd, &pack.inverse_det, part);
+            let J = jacobian(simd, &e, pack, part);
             assemble(&response, &U, &g, Lanes::load(simd, &pack.volume, part), J).store(out, part);
         }
     }

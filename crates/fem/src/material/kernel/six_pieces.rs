@@ -73,19 +73,10 @@ impl<L: Hyperelastic> WithSimd for Forces<'_, L> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { law, pack, edges, out } = self;
         for part in 0..parts::<S, 1>(pack) {
-            let gram = load6(simd, &pack.gram, part);
-            let inverse_det = Lanes::load(simd, &pack.inverse_det, part);
-            let strain = Strain::new(&load33(simd, edges, part), &gram, inverse_det);
+            let shape = Shape::load(simd, pack, part);
+            let strain = Strain::new(&load33(simd, edges, part), &shape);
             let r = law.response(strain.I1, strain.I2, strain.J);
-            let at = Deformed {
-                dJ: &strain.dJ,
-                FD: &strain.FD,
-                FF: &strain.FF,
-                gram: &gram,
-                r: &r,
-                V0: Lanes::load(simd, &pack.volume, part),
-            };
-            store_forces(&at.forces::<L>(), strain.J, out, part);
+            store_forces(&strain.with(&shape, &r).forces::<L>(), strain.J, out, part);
         }
         out.filtered = [0.0; 8];
     }
@@ -105,11 +96,10 @@ impl<L: Hyperelastic> WithSimd for Energy<'_, L> {
         let Self { law, pack, edges } = self;
         let mut energies = [0.0; PACK];
         for part in 0..parts::<S, 1>(pack) {
-            let gram: [Lanes<S>; 6] = load6(simd, &pack.gram, part);
-            let inverse_det = Lanes::load(simd, &pack.inverse_det, part);
-            let strain = Strain::new(&load33(simd, edges, part), &gram, inverse_det);
+            let shape = Shape::load(simd, pack, part);
+            let strain = Strain::new(&load33(simd, edges, part), &shape);
             let r = law.response(strain.I1, strain.I2, strain.J);
-            (r.energy * Lanes::load(simd, &pack.volume, part)).store(&mut energies, part);
+            (r.energy * shape.V0).store(&mut energies, part);
         }
         energies
     }
@@ -129,13 +119,28 @@ impl<L: Hyperelastic> WithSimd for SixPieces<'_, L> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { law, pack, edges, out } = self;
         for part in 0..parts::<S, 1>(pack) {
-            let e = load33(simd, edges, part);
-            let gram = load6(simd, &pack.gram, part);
-            let inverse_det = Lanes::load(simd, &pack.inverse_det, part);
-            let free = six_pieces(law, &e, &gram, inverse_det, Lanes::load(simd, &pack.volume, part));
-            free.store(out, part);
+            six_pieces(law, &load33(simd, edges, part), &Shape::load(simd, pack, part)).store(out, part);
         }
         out.filtered = [0.0; 8];
+    }
+}
+
+/// What the pieces need of an element at rest.
+struct Shape<T> {
+    /// Triangle of `D_i · D_j`.
+    gram: [T; 6],
+    inverse_det: T,
+    V0: T,
+}
+
+impl<S: Simd> Shape<Lanes<S>> {
+    #[inline(always)]
+    fn load(simd: S, pack: &Pack, part: usize) -> Self {
+        Self {
+            gram: load6(simd, &pack.gram, part),
+            inverse_det: Lanes::load(simd, &pack.inverse_det, part),
+            V0: Lanes::load(simd, &pack.volume, part),
+        }
     }
 }
 
@@ -152,7 +157,8 @@ struct Strain<T> {
 
 impl<T: Real> Strain<T> {
     #[inline(always)]
-    fn new(e: &Mat3<T>, gram: &[T; 6], inverse_det: T) -> Self {
+    fn new(e: &Mat3<T>, shape: &Shape<T>) -> Self {
+        let Shape { gram, inverse_det, .. } = *shape;
         let dJ = [
             scaled(&cross(&e[1], &e[2]), inverse_det),
             scaled(&cross(&e[2], &e[0]), inverse_det),
@@ -166,7 +172,7 @@ impl<T: Real> Strain<T> {
                     e[0][c] * gram[TRIANGLE[0][i]] + e[1][c] * gram[TRIANGLE[1][i]] + e[2][c] * gram[TRIANGLE[2][i]];
             }
         }
-        let mut FF = *gram;
+        let mut FF = gram;
         for c in 0..3 {
             for r in c..3 {
                 FF[TRIANGLE[r][c]] = e[0][r] * FD[0][c] + e[1][r] * FD[1][c] + e[2][r] * FD[2][c];
@@ -177,16 +183,22 @@ impl<T: Real> Strain<T> {
         let I2 = (FF[0] * FF[3] - FF[1] * FF[1]) + (FF[0] * FF[5] - FF[2] * FF[2]) + (FF[3] * FF[5] - FF[4] * FF[4]);
         Self { dJ, FD, FF, I1, I2, J }
     }
+
+    /// The element with the response of its law.
+    #[inline(always)]
+    fn with<'a>(&'a self, shape: &'a Shape<T>, r: &'a Response<T>) -> Deformed<'a, T> {
+        Deformed { dJ: &self.dJ, FD: &self.FD, FF: &self.FF, gram: &shape.gram, r, V0: shape.V0 }
+    }
 }
 
 #[inline(always)]
-fn six_pieces<T: Real, L: Hyperelastic>(law: &L, e: &Mat3<T>, gram: &[T; 6], inverse_det: T, V0: T) -> Free<T> {
-    let strain = Strain::new(e, gram, inverse_det);
+fn six_pieces<T: Real, L: Hyperelastic>(law: &L, e: &Mat3<T>, shape: &Shape<T>) -> Free<T> {
+    let strain = Strain::new(e, shape);
     let r = law.response(strain.I1, strain.I2, strain.J);
-    let at = Deformed { dJ: &strain.dJ, FD: &strain.FD, FF: &strain.FF, gram, r: &r, V0 };
+    let at = strain.with(shape, &r);
     let forces = at.forces::<L>();
     // V0 s1 ∂²J/∂q_i∂q_j: D_1 x D_2 = E_3 / det E and its cyclic permutations.
-    let s = r.s1 * V0 * inverse_det;
+    let s = r.s1 * shape.V0 * shape.inverse_det;
     let off_diagonal = [
         subtract_skew(at.block::<L>(0, 1), &scaled(&e[2], s)),
         subtract_skew(at.block::<L>(0, 2), &scaled(&e[1], -s)),

@@ -5,9 +5,9 @@
 use nalgebra::Vector3;
 use pulp::{Simd, WithSimd};
 
-use super::{Dispatch, Free, TRIANGLE, for_packs, load6, load33, parts, store_forces};
+use super::{Dispatch, Free, TRIANGLE, for_packs, jacobian, load6, load33, parts, store_forces};
 use crate::{
-    lanes::{Lanes, Mat3, Real, cross, dot, matrix_product, scaled},
+    lanes::{Lanes, Mat3, Real, matrix_product, scaled},
     material::{BatchReport, Lame},
     pack::{PACK, Pack, PackMatrices, Row},
 };
@@ -50,7 +50,7 @@ impl WithSimd for Forces<'_> {
         for part in 0..parts::<S, 1>(pack) {
             let e = load33(simd, edges, part);
             let D = load33(simd, &pack.shape, part);
-            let J = dot(&e[0], &cross(&e[1], &e[2])) * Lanes::load(simd, &pack.inverse_det, part);
+            let J = jacobian(simd, &e, pack, part);
             let V0: Lanes<S> = Lanes::load(simd, &pack.volume, part);
             store_forces(&forces(&e, &D, V0 * lame.mu, V0 * lame.lambda), J, out, part);
         }
@@ -75,7 +75,7 @@ impl WithSimd for SmallStrain<'_> {
             let e = load33(simd, edges, part);
             let D = load33(simd, &pack.shape, part);
             let gram = load6(simd, &pack.gram, part);
-            let J = dot(&e[0], &cross(&e[1], &e[2])) * Lanes::load(simd, &pack.inverse_det, part);
+            let J = jacobian(simd, &e, pack, part);
             small_strain(lame, &e, &D, &gram, Lanes::load(simd, &pack.volume, part), J).store(out, part);
         }
         out.filtered = [0.0; PACK];
