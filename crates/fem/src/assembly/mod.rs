@@ -12,6 +12,7 @@
 
 #![allow(non_snake_case)]
 
+mod destination;
 mod energy;
 mod packed;
 mod scatter;

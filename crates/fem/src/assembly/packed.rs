@@ -4,18 +4,18 @@
 //! triangle is summed, and mirrored at the end.
 
 use nalgebra::{Matrix3, Vector3};
-use rayon::prelude::*;
 
-use super::{ROWS, ScatterLists, scatter::group};
+use super::{
+    ScatterLists,
+    destination::Destination,
+    scatter::{NOWHERE, group, slots},
+};
 use crate::{
-    material::{BATCH, BatchReport},
+    material::BATCH,
     model::Batch,
     pack::{OFF_DIAGONAL, PACK, Pack, PackMatrices},
     sparse::{BlockPattern, FIXED},
 };
-
-/// Destination of a block that has a fixed node.
-const NOWHERE: u32 = u32::MAX;
 
 /// Places of a stored triangle in a matrix by columns.
 const LOWER: [usize; 6] = [0, 1, 2, 4, 5, 8];
@@ -58,9 +58,7 @@ impl PackLists {
                 })
             })
             .collect();
-        // Slots fill up batch by batch: all but a material's last batch are full.
-        let in_batch = |(b, batch): (usize, &Batch)| (0..batch.elements.len()).map(move |k| b * BATCH + k);
-        let slots: Vec<u32> = batches.iter().enumerate().flat_map(in_batch).map(|slot| slot as u32).collect();
+        let slots = slots(batches, BATCH);
         let blocks = positions.iter().zip(&slots).flat_map(|(positions, &slot)| {
             let used = positions.iter().enumerate().filter(|(_, p)| **p != NOWHERE);
             used.map(move |(k, &p)| (p as usize, slot << 4 | k as u32))
@@ -73,64 +71,22 @@ impl PackLists {
         let diagonals = (0..pattern.rows() as u32).map(|i| place(i, i)).collect();
         Self { positions, diagonals, block_start, block_sources, force_start, force_sources }
     }
+}
 
-    /// Computes all batches by `compute`, which fills the results of one, and sums them into `upper` and `f_int`;
-    /// an empty `upper` asks for forces alone.
-    pub(crate) fn fill(
-        &self,
-        packs: &[Pack],
-        batches: &[Batch],
-        results: &mut [PackMatrices],
-        parallel: bool,
-        (upper, f_int): (&mut [Matrix3<f64>], &mut [Vector3<f64>]),
-        compute: impl Fn(&Batch, &[Pack], &mut [PackMatrices]) -> BatchReport + Sync,
-    ) -> BatchReport {
-        let compute = |batch: &Batch, results: &mut [PackMatrices]| {
-            compute(batch, &packs[batch.packs.clone()], results).shifted(batch.elements.start as u32)
-        };
-        if !parallel {
-            upper.fill(Matrix3::zeros());
-            f_int.fill(Vector3::zeros());
-            let mut report = BatchReport::default();
-            for batch in batches {
-                report = report.merged(compute(batch, results));
-                self.scatter(&packs[batch.packs.clone()], batch.elements.start, results, upper, f_int);
-            }
-            for &p in &self.diagonals {
-                if let Some(block) = upper.get_mut(p as usize) {
-                    mirror(block);
-                }
-            }
-            return report;
-        }
-        let report = (results.par_chunks_mut(BATCH / PACK).zip(batches))
-            .map(|(results, batch)| compute(batch, results))
-            .reduce(BatchReport::default, BatchReport::merged);
-        let results = &*results;
-        upper.par_chunks_mut(8 * ROWS).enumerate().for_each(|(chunk, upper)| {
-            for (k, block) in upper.iter_mut().enumerate() {
-                *block = self.gather_block(8 * ROWS * chunk + k, results);
-            }
-        });
-        f_int.par_chunks_mut(ROWS).enumerate().for_each(|(chunk, f_int)| {
-            for (k, f) in f_int.iter_mut().enumerate() {
-                *f = self.gather_force(ROWS * chunk + k, results);
-            }
-        });
-        report
+/// Packs, and the lists for their results.
+pub(super) struct Packs<'a> {
+    pub(super) lists: &'a PackLists,
+    pub(super) packs: &'a [Pack],
+}
+
+impl Destination<PackMatrices> for Packs<'_> {
+    fn results_of(&self, batch: &Batch) -> usize {
+        batch.packs.len()
     }
 
-    /// Adds the results of packs whose first element has number `first`.
-    fn scatter(
-        &self,
-        packs: &[Pack],
-        first: usize,
-        results: &[PackMatrices],
-        upper: &mut [Matrix3<f64>],
-        f_int: &mut [Vector3<f64>],
-    ) {
-        let mut positions = self.positions[first..].iter();
-        for (pack, result) in packs.iter().zip(results) {
+    fn scatter(&self, batch: &Batch, results: &[PackMatrices], upper: &mut [Matrix3<f64>], f_int: &mut [Vector3<f64>]) {
+        let mut positions = self.lists.positions[batch.elements.start..].iter();
+        for (pack, result) in self.packs[batch.packs.clone()].iter().zip(results) {
             for (lane, (nodes, positions)) in pack.nodes[..pack.len].iter().zip(&mut positions).enumerate() {
                 for (forces, &node) in result.forces.iter().zip(nodes) {
                     let f = f_int[node as usize].as_mut_slice();
@@ -156,10 +112,19 @@ impl PackLists {
         }
     }
 
+    fn finish(&self, upper: &mut [Matrix3<f64>]) {
+        for &p in &self.lists.diagonals {
+            if let Some(block) = upper.get_mut(p as usize) {
+                mirror(block);
+            }
+        }
+    }
+
     fn gather_block(&self, p: usize, results: &[PackMatrices]) -> Matrix3<f64> {
+        let lists = self.lists;
         let mut sum = Matrix3::zeros();
         let mut diagonal = false;
-        for &source in &self.block_sources[self.block_start[p] as usize..self.block_start[p + 1] as usize] {
+        for &source in &lists.block_sources[lists.block_start[p] as usize..lists.block_start[p + 1] as usize] {
             let (slot, k) = ((source >> 4) as usize, (source & 15) as usize);
             let result = &results[slot / PACK];
             diagonal = k < 4;
@@ -176,8 +141,9 @@ impl PackLists {
     }
 
     fn gather_force(&self, i: usize, results: &[PackMatrices]) -> Vector3<f64> {
+        let lists = self.lists;
         let mut sum = Vector3::zeros();
-        for &source in &self.force_sources[self.force_start[i] as usize..self.force_start[i + 1] as usize] {
+        for &source in &lists.force_sources[lists.force_start[i] as usize..lists.force_start[i + 1] as usize] {
             let (slot, a) = ((source >> 2) as usize, (source & 3) as usize);
             for (sum, row) in sum.iter_mut().zip(&results[slot / PACK].forces[a]) {
                 *sum += row[slot % PACK];

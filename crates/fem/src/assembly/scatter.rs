@@ -15,7 +15,7 @@ use crate::{
 const TRANSPOSED: u32 = 1 << 31;
 
 /// Destination of a block that has a fixed node.
-const NOWHERE: u32 = u32::MAX;
+pub(super) const NOWHERE: u32 = u32::MAX;
 
 /// Lists that take element results to the upper blocks and nodal forces, and those to the full pattern.
 #[derive(Clone, Debug, PartialEq)]
