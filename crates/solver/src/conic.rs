@@ -127,16 +127,7 @@ impl ConicProgram {
         for (a, block) in view.blocks.iter().enumerate() {
             cones.admit(block.law.conic_form(), block.start, scale(a) * size);
         }
-        let settings = DefaultSettings {
-            verbose: false,
-            max_threads: 1,
-            direct_solve_method: "qdldl".to_string(),
-            presolve_enable: false,
-            tol_gap_abs: TOLERANCE,
-            tol_gap_rel: TOLERANCE,
-            tol_feas: TOLERANCE,
-            ..DefaultSettings::default()
-        };
+        let settings = settings(TOLERANCE);
         let Cones { rows: i, columns: j, values, right, cones } = cones;
         let constraints = CscMatrix::new_from_triplets(right.len(), rows, i, j, values);
         let linear = vec![0.0; rows];
@@ -179,20 +170,39 @@ impl ConicProgram {
         }
         self.solver.update_q(&self.linear).map_err(|_| SolveStatus::Unsupported)?;
         self.solver.solve();
-        match self.solver.solution.status {
-            SolverStatus::Solved
-            | SolverStatus::AlmostSolved
-            | SolverStatus::InsufficientProgress
-            | SolverStatus::MaxIterations
-            | SolverStatus::NumericalError => {}
-            SolverStatus::MaxTime => return Err(SolveStatus::TimeLimit),
-            _ => return Err(SolveStatus::NoSolution),
-        }
+        answered(self.solver.solution.status)?;
         for (block, local) in view.blocks.iter().zip(local) {
             let force = gather(&self.solver.solution.x, block) * (local.rho().sqrt() * self.size);
             crate::problem::scatter(&block.law.project(&force), block, lambda);
         }
         Ok(())
+    }
+}
+
+/// Clarabel on the calling thread, silent, to this tolerance.
+pub(crate) fn settings(tolerance: f64) -> DefaultSettings<f64> {
+    DefaultSettings {
+        verbose: false,
+        max_threads: 1,
+        direct_solve_method: "qdldl".to_string(),
+        presolve_enable: false,
+        tol_gap_abs: tolerance,
+        tol_gap_rel: tolerance,
+        tol_feas: tolerance,
+        ..DefaultSettings::default()
+    }
+}
+
+/// Whether Clarabel has an answer, be it short of its tolerance: the residual judges it.
+pub(crate) fn answered(status: SolverStatus) -> Result<(), SolveStatus> {
+    match status {
+        SolverStatus::Solved
+        | SolverStatus::AlmostSolved
+        | SolverStatus::InsufficientProgress
+        | SolverStatus::MaxIterations
+        | SolverStatus::NumericalError => Ok(()),
+        SolverStatus::MaxTime => Err(SolveStatus::TimeLimit),
+        _ => Err(SolveStatus::NoSolution),
     }
 }
 

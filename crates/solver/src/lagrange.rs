@@ -14,12 +14,13 @@
 //! nodes costs tenths of a second a program, one of 10,000 nodes minutes. It starts every program from its own point and
 //! allocates. A comparison method at step rate.
 
+use crate::conic::{answered, settings};
 use crate::problem::{ProblemView, gather, scatter};
 use crate::report::{SolveReport, SolveStatus};
 use crate::residual::{natural_map, scale};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::SupportedConeT::{self, NonnegativeConeT, SecondOrderConeT, ZeroConeT};
-use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus};
+use clarabel::solver::{DefaultSolver, IPSolver};
 use palpate_constraints::law::{ConicForm, natural_stiffness};
 
 /// Tolerance asked of Clarabel, on numbers of order one; the residual judges the answer.
@@ -177,17 +178,8 @@ impl Program {
         let unit = 1.0 / (problem.dt * problem.dt * stiffness);
         let value = problem.value.iter().map(|a| a * unit).collect();
         let quadratic = CscMatrix::new(freedoms, freedoms, problem.column_start.to_vec(), problem.row.to_vec(), value);
-        let settings = DefaultSettings {
-            verbose: false,
-            max_threads: 1,
-            direct_solve_method: "qdldl".to_string(),
-            presolve_enable: false,
-            tol_gap_abs: TOLERANCE,
-            tol_gap_rel: TOLERANCE,
-            tol_feas: TOLERANCE,
-            ..DefaultSettings::default()
-        };
-        let solver = DefaultSolver::new(&quadratic, &vec![0.0; freedoms], &matrix, &right, &cones, settings)
+        let linear = vec![0.0; freedoms];
+        let solver = DefaultSolver::new(&quadratic, &linear, &matrix, &right, &cones, settings(TOLERANCE))
             .map_err(|_| SolveStatus::Invalid)?;
         Ok(Self { solver, right, length, stiffness, first })
     }
@@ -209,14 +201,7 @@ impl Program {
         self.solver.update_b(&self.right).map_err(|_| SolveStatus::Invalid)?;
         self.solver.solve();
         let solution = &self.solver.solution;
-        match solution.status {
-            SolverStatus::Solved
-            | SolverStatus::AlmostSolved
-            | SolverStatus::InsufficientProgress
-            | SolverStatus::MaxIterations
-            | SolverStatus::NumericalError => {}
-            _ => return Err(SolveStatus::NoSolution),
-        }
+        answered(solution.status)?;
         w.iter_mut().zip(&solution.x).for_each(|(w, y)| *w = y * self.length / problem.dt);
         for (block, &first) in view.blocks.iter().zip(&self.first) {
             let (_, factors) = cone(block.law.conic_form(), block.law.rows())?;
