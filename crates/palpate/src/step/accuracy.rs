@@ -45,17 +45,19 @@ pub(super) fn correct_exactly(world: &World, factor: &FactorSample, ws: &mut Ste
         let solve = pcg(&ws.fem.system, &ws.load, &mut ws.correction, &mut preconditioner, config, &mut ws.pcg);
         report.error.correction_iterations = solve.iterations as u32;
     }
-    let view = ws.problem.view();
-    let (mut missed, mut opened) = (0.0, 0.0);
-    for r in 0..ws.rows.len() {
-        let moved = ws.dt * ws.rows.tissue.dot(r, &ws.correction);
-        // W is symmetric: its column is its row.
-        let wanted: f64 = view.column(r).iter().zip(&ws.lambda).map(|(w, l)| w * l).sum();
-        missed += (moved - wanted) * (moved - wanted);
-        opened += moved * moved;
-    }
-    if solved && opened > 0.0 {
-        report.error.along_forces = (missed / opened).sqrt();
+    if solved {
+        let view = ws.problem.view();
+        let (mut missed, mut opened) = (0.0, 0.0);
+        for r in 0..ws.rows.len() {
+            let moved = ws.dt * ws.rows.tissue.dot(r, &ws.correction);
+            // W is symmetric: its column is its row.
+            let wanted: f64 = view.column(r).iter().zip(&ws.lambda).map(|(w, l)| w * l).sum();
+            missed += (moved - wanted) * (moved - wanted);
+            opened += moved * moved;
+        }
+        if opened > 0.0 {
+            report.error.along_forces = (missed / opened).sqrt();
+        }
     }
     for block in &ws.rows.blocks {
         let row = block.range().start;
