@@ -150,17 +150,17 @@ fn warped(F: &Matrix3<f64>, warp: f64) -> impl Fn(usize, &Vector3<f64>) -> Vecto
 #[test]
 fn packs_answer_as_one_element_at_a_time_at_every_deformation() {
     for curvature in [0.0, 0.03] {
-        for (name, F, warp) in maps() {
-            let body = body(13, curvature, warped(&F, warp));
-            assert!(body.elements.iter().all(|e| e.is_straight() == (curvature == 0.0)));
-            for law in all_materials(5e3, 0.45) {
-                for filter in [false, true] {
-                    let acted = agree(name, &law, &body, filter);
-                    if filter && ["pressed to J = 0.3", "inverted"].contains(&name) {
-                        assert!(acted > 0 || law.name() == "linear", "{}: nothing filtered", law.name());
-                    }
-                }
+        for law in all_materials(5e3, 0.45) {
+            let mut acted = 0;
+            for (name, F, warp) in maps() {
+                let body = body(13, curvature, warped(&F, warp));
+                assert!(body.elements.iter().all(|e| e.is_straight() == (curvature == 0.0)));
+                agree(name, &law, &body, false);
+                let filtered = agree(name, &law, &body, true);
+                assert!(name != "rest" || filtered == 0, "{}: nothing to filter at rest", law.name());
+                acted += filtered;
             }
+            assert!(acted > 0 || law.name() == "linear", "{}: nothing filtered", law.name());
         }
     }
 }
