@@ -64,7 +64,7 @@ pub struct FemWorkspace {
 }
 
 impl FemWorkspace {
-    /// Memory for a body. If rayon has several threads here, memory for parallel assembly is included (768 bytes a
+    /// Memory for a body. If rayon has several threads here, memory for parallel assembly is included (744 bytes a
     /// linear or averaged element, 3984 a quadratic one); a workspace made where it has one assembles on one thread everywhere.
     pub fn new(model: &FemModel) -> Self {
         let parallel = rayon::current_num_threads() > 1;
