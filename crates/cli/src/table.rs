@@ -9,7 +9,7 @@ pub(crate) fn summary(s: &RunSummary) -> String {
         "{} ({}, {} nodes, {} tetrahedra): {:.2} s, {}",
         s.scene, s.mode, s.nodes, s.tetrahedra, s.simulated, s.end
     )];
-    lines.push(format!("integrator: {}; contact by {}", s.integrator, s.contact));
+    lines.push(format!("integrator: {}; contact by {}; law {}", s.integrator, s.contact, s.law));
     lines.push(format!("plan: {}", s.plan));
     lines.push(tails(s).to_string());
     lines.push(facts(s).to_string());

@@ -168,6 +168,7 @@ impl Gathering {
             mode: if wall.is_some() { "real time" } else { "lockstep" },
             integrator: world.integration().to_string(),
             contact: world.contact_method(),
+            law: world.description().contact.law_in_words(),
             end: self.end,
             simulated: self.time + 1.0 / world.description().rates.tick,
             wall: wall.unwrap_or(0.0),

@@ -99,6 +99,8 @@ pub struct RunSummary {
     pub integrator: String,
     /// How contact forces were found at step rate, with the parameters of the method.
     pub contact: String,
+    /// The law of contact, with its parameters.
+    pub law: String,
     /// Where the compliance came from, when matrices were factored, and why.
     pub plan: String,
     /// How the run ended.

@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 pub use bundled::{BUNDLED_SCENES, BundledScene};
 pub(crate) use check::MOST_SUBSTEPS;
 pub use description::{
-    Axis, BlockDescription, BodyDescription, ContactDescription, ContactMethod, DeviceDescription, ExplicitDescription,
-    HandDescription, IntegratorKind, NewtonDescription, NodeSelection, Plane, RatesDescription, Refactor,
-    SceneDescription, SolverDescription, TissueDescription, ToolDescription,
+    Axis, BlockDescription, BodyDescription, ContactDescription, ContactLawKind, ContactMethod, DeviceDescription,
+    ExplicitDescription, HandDescription, IntegratorKind, NewtonDescription, NodeSelection, Plane, RatesDescription,
+    Refactor, SceneDescription, SolverDescription, TissueDescription, ToolDescription,
 };
 pub use error::{InvalidScene, SceneError};
 

@@ -4,7 +4,6 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 use palpate_collision::contact::Contact;
 use palpate_collision::detection::detect;
 use palpate_constraints::compliance::{self, ComplianceMethod, WarpedInverse};
-use palpate_constraints::law::{Coulomb, Law, Signorini};
 use palpate_constraints::rows::{RowInput, ToolMotion, build_fixed_rows, build_rows};
 use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::integrator::backward_euler::factor_end;
@@ -100,18 +99,17 @@ pub(super) fn rows(
     ws: &mut StepWorkspace,
     report: &mut StepReport,
 ) {
-    let friction = world.description().contact.friction;
+    let law = world.description().contact.contact_law();
     let input = RowInput {
         free_of_node: world.model().free_of_node(),
         v_free: &ws.v_free,
         dt: ws.dt,
         tool_reference: tool.translation.vector,
         tool_motion: state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::between(&before, tool)),
-        friction: friction > 0.0,
+        friction: law.rows() > 1,
     };
     report.rows = build_rows(&state.contacts.contacts, &input, &mut ws.rows);
     build_fixed_rows(&state.contacts.contacts, &input, &mut ws.fixed_rows);
-    let law = contact_law(world);
     // As many rows as the capacity was made for: the reset cannot fail, and an empty problem is a safe one if it did.
     if ws.problem.reset(ws.rows.len()).is_err() {
         ws.rows.clear();
@@ -119,12 +117,17 @@ pub(super) fn rows(
     }
     ws.rows.blocks.iter().for_each(|_| ws.problem.push_block(law));
     ws.problem.delta_free_mut().copy_from_slice(&ws.rows.delta_free);
+    choose_laws(world, ws);
 }
 
-/// The law of a contact with the tool.
-pub(super) fn contact_law(world: &World) -> Law {
-    let friction = world.description().contact.friction;
-    if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() }
+/// Gives each block the law that belongs to its free gap.
+pub(super) fn choose_laws(world: &World, ws: &mut StepWorkspace) {
+    let law = world.description().contact.contact_law();
+    for (k, block) in ws.rows.blocks.iter().enumerate() {
+        if let Some(&gap) = ws.rows.delta_free.get(block.first_row as usize) {
+            ws.problem.set_law(k, law.at_free_gap(gap));
+        }
+    }
 }
 
 /// `W = h² H A⁻¹ Hᵀ` from the latest factor, warped by the rotations since it was taken, from this step's own, or from the
