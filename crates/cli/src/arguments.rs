@@ -107,9 +107,13 @@ pub(crate) struct RunArguments {
     /// Trace file (MCAP), by default the name of the scene with .mcap. The picture lies beside it, with .svg.
     #[arg(long, value_name = "FILE")]
     pub(crate) trace: Option<PathBuf>,
-    /// Write the contact problem of each step that has contacts into this folder, for `palpate solve`.
+    /// Write every contact problem that is solved into this folder, for `palpate solve`: step-S-pass-N.json is the Nth of
+    /// step S. A folder with problems of an earlier run is refused.
     #[arg(long, value_name = "DIR")]
     pub(crate) save_problems: Option<PathBuf>,
+    /// Remove the problems of an earlier run from the folder of --save-problems; other files there are kept.
+    #[arg(long, requires = "save_problems")]
+    pub(crate) force: bool,
     /// Write the end state of the body as VTU.
     #[arg(long = "final", value_name = "FILE")]
     pub(crate) final_state: Option<PathBuf>,
@@ -150,6 +154,9 @@ pub(crate) struct SolveArguments {
     /// Limit of iterations; the solver's own by default.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) max_iter: Option<u32>,
+    /// Begin with the forces that the file holds (`start`, as `palpate run --save-problems` writes it) instead of none.
+    #[arg(long)]
+    pub(crate) warm: bool,
     /// Limit of time for each solver and problem, in seconds.
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) time_limit: Option<f64>,

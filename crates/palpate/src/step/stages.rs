@@ -204,18 +204,27 @@ pub(super) fn solve(
     report: &mut StepReport,
 ) {
     let m = ws.rows.len();
+    let solved = m > 0 && report.compliance.usable;
     ws.lambda[..m].fill(0.0);
     report.solve = SolveReport { status: SolveStatus::Solved, residual: 0.0, worst_gap: 0.0, ..NOT_SOLVED };
-    if m > 0 && !report.compliance.usable {
+    if solved && ws.direct.is_none() {
+        let (contacts, all) = (&state.contacts.contacts, 0..ws.rows.blocks.len());
+        state.warm_start.fetch(contacts, &ws.rows, all, WARM_START_RADIUS, &mut ws.lambda[..m]);
+    }
+    if let Some(files) = &mut ws.problem_files {
+        files.begin(&ws.lambda[..m]);
+    }
+    if m > 0 && !solved {
         report.solve = NOT_SOLVED;
-    } else if m > 0 && ws.direct.is_some() {
+    } else if solved && ws.direct.is_some() {
         direct_contact(world, input, state, ws, report);
-    } else if m > 0 {
-        let lambda = &mut ws.lambda[..m];
-        state.warm_start.fetch(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), WARM_START_RADIUS, lambda);
-        report.solve = ws.solver.solve(&ws.problem.view(), lambda, &mut ws.solver_workspace);
+    } else if solved {
+        report.solve = ws.solver.solve(&ws.problem.view(), &mut ws.lambda[..m], &mut ws.solver_workspace);
     }
     let lambda = &ws.lambda[..m];
+    if let Some(files) = ws.problem_files.as_mut().filter(|_| solved) {
+        files.save(report.step, &ws.problem, lambda);
+    }
     state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), lambda);
 
     let wrench = ws.rows.wrench(lambda);

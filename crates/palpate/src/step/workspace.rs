@@ -20,6 +20,7 @@ use palpate_solver::solver::{Solver, SolverWorkspace};
 use std::sync::Arc;
 
 use super::direct::DirectStage;
+use crate::problem_files::ProblemFiles;
 use crate::world::{Integration, World};
 
 /// Rows of a contact with friction.
@@ -178,6 +179,8 @@ pub struct StepWorkspace {
     pub(super) trial: FemState,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
+    /// Where the problems go that are solved, if they are kept.
+    pub(crate) problem_files: Option<ProblemFiles>,
 }
 
 impl StepWorkspace {
@@ -245,6 +248,7 @@ impl StepWorkspace {
             sample: vec![0.0; 3 * free],
             lambda_of_sample: vec![0.0; rows],
             size: world.mesh().bounding_box().diagonal(),
+            problem_files: None,
         }
     }
 }
