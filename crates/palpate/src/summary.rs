@@ -1,5 +1,6 @@
 //! What a run was like: rates, tails of times, iterations, residuals.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -163,6 +164,10 @@ pub struct RunSummary {
     pub worst_residual: f64,
     /// Worst relative natural-map residual of a tick.
     pub worst_tick_residual: f64,
+    /// Steps in which the automatic choice of the contact solver fell back from its first.
+    pub fall_backs: u64,
+    /// Steps in contact by the solver whose forces were taken, or by the direct method.
+    pub answered: BTreeMap<&'static str, u64>,
     /// Steps whose motion the guard or Newton's line search shortened.
     pub shortened: u64,
     /// Steps by Newton's method whose contact forces still changed when their passes were used up.

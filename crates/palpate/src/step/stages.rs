@@ -11,6 +11,7 @@ use palpate_fem::integrator::explicit::explicit_velocity;
 use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
 use palpate_fem::rotation::nodal_rotations;
 use palpate_solver::report::{SolveReport, SolveStatus};
+use palpate_solver::solver::SolverWorkspace;
 
 use super::direct::direct_contact;
 use super::preconditioner::StepPreconditioner;
@@ -221,6 +222,12 @@ pub(super) fn solve(
     } else if solved {
         report.solve = ws.solver.solve(&ws.problem.view(), &mut ws.lambda[..m], &mut ws.solver_workspace);
     }
+    if solved {
+        let (attempts, solver) = tried(world, ws);
+        if attempts >= report.attempts {
+            (report.attempts, report.solver) = (attempts, solver);
+        }
+    }
     let lambda = &ws.lambda[..m];
     if let Some(files) = ws.problem_files.as_mut().filter(|_| solved) {
         files.save(report.step, &ws.problem, lambda);
@@ -242,6 +249,18 @@ pub(super) fn solve(
         report.indentation = report.indentation.max(push.dot(&contact.normal));
     }
     report.tangential_force = friction.norm();
+}
+
+/// How many solvers the last solve tried, and whose forces were taken.
+fn tried(world: &World, ws: &StepWorkspace) -> (u32, &'static str) {
+    if ws.direct.is_some() {
+        return (1, world.description().contact.method.name());
+    }
+    let SolverWorkspace::Automatic(automatic) = &ws.solver_workspace else { return (1, ws.solver.name()) };
+    let attempts = automatic.attempts();
+    // The first of equals, as the automatic choice itself takes it.
+    let best = attempts.iter().reduce(|best, a| if a.report.residual < best.report.residual { a } else { best });
+    (attempts.len() as u32, best.map_or(ws.solver.name(), |best| best.solver))
 }
 
 /// The contact's tissue point in another configuration of the body.

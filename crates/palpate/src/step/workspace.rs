@@ -15,6 +15,7 @@ use palpate_fem::integrator::newton::ImplicitWorkspace;
 use palpate_fem::model::{FemModel, FemState};
 use palpate_fem::nodal_rows::NodalRows;
 use palpate_fem::pcg::PcgWorkspace;
+use palpate_solver::automatic::AutomaticConfig;
 use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::solver::{Solver, SolverWorkspace};
 use std::sync::Arc;
@@ -206,7 +207,11 @@ impl StepWorkspace {
         let contacts = world.detection().max_contacts;
         let rows = ROWS * contacts;
         let wanted = &world.description().solver;
-        let solver = wanted.kind.solver().limited(wanted.tolerance, Some(wanted.max_sweeps));
+        let solver = match wanted.kind.solver() {
+            Solver::Automatic(config) => AutomaticConfig { bounded: true, ..config }.into(),
+            solver => solver,
+        };
+        let solver = solver.limited(wanted.tolerance, Some(wanted.max_sweeps));
         let own = world.plan().has_own_factor();
         let (mut newton, mut explicit, mut dt) = (None, None, world.dt());
         match *world.integration() {
