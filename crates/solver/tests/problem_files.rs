@@ -184,7 +184,7 @@ fn formats_are_told_apart_by_their_content() {
     assert_eq!(open(three.as_bytes()).unwrap().blocks().len(), 3);
     assert!(matches!(open(b"\x89HDF\r\n\x1a\n...."), Err(ProblemFileError::Hdf5)));
     let error = open(b"2\n0\n\xff").unwrap_err().to_string();
-    assert_eq!(error, "line 3: expected text, found bytes that are not UTF-8");
+    assert_eq!(error, "line 3: neither JSON nor text: byte AT of the file is not UTF-8");
     assert!(open(b"").unwrap_err().to_string().contains("end of the file"));
     assert!(open(b"{\"format\": 3}").unwrap_err().to_string().contains("line 1 column"));
 }

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use miette::{IntoDiagnostic, Result, miette};
+use miette::{IntoDiagnostic, Report, Result, miette};
 use palpate::solver::comparison::{SolverRun, run_all_from};
 use palpate::solver::problem::ConstraintProblem;
-use palpate::solver::problem_file;
+use palpate::solver::problem_file::{self, ProblemFileError};
 use palpate::solver::solver::Solver;
 use serde_json::{Value, json};
 
@@ -62,11 +62,7 @@ pub(crate) fn solve(arguments: &SolveArguments) -> Result<u8> {
 
 /// The problem in a file, with numbers that a solver can begin with, and the forces to begin with: none unless `warm`.
 fn open(file: &Path, warm: bool) -> Result<(ConstraintProblem, Vec<f64>)> {
-    // An error of the file system names the file itself.
-    let (problem, forces) = problem_file::open_with_forces(file).map_err(|e| match e {
-        io @ problem_file::ProblemFileError::Io { .. } => miette!("{io}"),
-        other => miette!("{}: {other}", file.display()),
-    })?;
+    let (problem, forces) = problem_file::open_with_forces(file).map_err(|e| unreadable(file, &e))?;
     problem.validate_symmetric_to(f64::INFINITY).map_err(|e| miette!("{}: {e}", file.display()))?;
     let start = match forces.start {
         Some(start) if warm => start,
@@ -77,6 +73,20 @@ fn open(file: &Path, warm: bool) -> Result<(ConstraintProblem, Vec<f64>)> {
         _ => Vec::new(),
     };
     Ok((problem, start))
+}
+
+/// What is wrong with a file, and what to hand over instead.
+fn unreadable(file: &Path, error: &ProblemFileError) -> Report {
+    let name = file.display();
+    if file.is_dir() {
+        return miette!(help = format!("name the problems in it: {name}/*"), "{name} is a folder");
+    }
+    let told = match error {
+        // An error of the file system names the file itself.
+        io @ ProblemFileError::Io { .. } => io.to_string(),
+        other => format!("{name}: {other}"),
+    };
+    miette!(help = "name a problem file: `palpate run SCENE --save-problems DIR` writes some", "{told}")
 }
 
 fn solvers(arguments: &SolveArguments) -> Vec<Solver> {

@@ -53,6 +53,10 @@ impl Scene {
         if path.is_file() || path.extension().is_some() {
             return Self::load(path);
         }
+        if path.is_dir() {
+            let remedy = format!("{name} is a folder: name a scene file in it");
+            return Err(SceneError::Unknown { name: name.into(), remedy });
+        }
         Self::bundled(name)
     }
 

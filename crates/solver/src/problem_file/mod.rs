@@ -54,6 +54,17 @@ pub enum ProblemFileError {
     /// The file is HDF5.
     #[error("HDF5 files (FCLIB) are not read; convert the problem to `{FORMAT}`, which is JSON")]
     Hdf5,
+    /// There is nothing in the file.
+    #[error("the file is empty")]
+    Empty,
+    /// The file is neither JSON nor text.
+    #[error("line {line}: neither JSON nor text: byte {at} of the file is not UTF-8")]
+    Binary {
+        /// Line, from one.
+        line: usize,
+        /// First byte that no text has.
+        at: usize,
+    },
     /// A line of a text format cannot be understood.
     #[error("line {line}: expected {expected}, found {found}")]
     Text {
@@ -268,10 +279,13 @@ pub fn open_with_forces(path: &Path) -> Result<(ConstraintProblem, Forces), Prob
     if bytes.trim_ascii_start().first() == Some(&b'{') {
         return read_with_forces(bytes.as_slice());
     }
+    if bytes.trim_ascii().is_empty() {
+        return Err(ProblemFileError::Empty);
+    }
     let text = String::from_utf8(bytes).map_err(|e| {
         let at = e.utf8_error().valid_up_to();
         let line = e.as_bytes().iter().take(at).filter(|byte| **byte == b'\n').count() + 1;
-        ProblemFileError::Text { line, expected: "text".to_owned(), found: "bytes that are not UTF-8".to_owned() }
+        ProblemFileError::Binary { line, at }
     })?;
     Ok((siconos::read(&text)?, Forces::default()))
 }
