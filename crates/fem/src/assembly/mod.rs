@@ -14,6 +14,7 @@
 
 mod destination;
 mod energy;
+mod fold;
 mod packed;
 mod scatter;
 mod sum;
@@ -24,6 +25,7 @@ use nalgebra::{Matrix3, Vector3};
 pub(crate) use self::{energy::sum_by_halves, packed::PackLists, scatter::ScatterLists};
 pub use self::{
     energy::{elastic_energy, incremental_energy},
+    fold::{FoldReport, Folds, OPEN_BELOW},
     viscous::advance_memory,
 };
 use self::{
@@ -56,6 +58,8 @@ pub struct FemWorkspace {
     pub dt: f64,
     /// Whether the next assemblies filter the tangents; at first what the model says.
     pub filter: bool,
+    /// Quadratic elements that are held open; at first none.
+    pub folds: Folds,
     /// Upper blocks of `K`.
     upper: Vec<Matrix3<f64>>,
     /// Element results: one batch on one thread, all batches on several. By kind of
@@ -82,6 +86,7 @@ impl FemWorkspace {
             f_int: vec![Vector3::zeros(); model.nodes()],
             dt: f64::INFINITY,
             filter: model.filter(),
+            folds: Folds::new(model),
             upper: vec![Matrix3::zeros(); model.scatter().upper_blocks()],
             results: vec![ElementMatrices::ZERO; of_kind(ElementKind::Averaged, results)],
             pack_results: vec![PackMatrices::ZERO; of_kind(ElementKind::Linear, results.div_ceil(PACK))],

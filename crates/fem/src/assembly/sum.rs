@@ -56,6 +56,7 @@ pub(super) fn sum_elements(model: &FemModel, state: &FemState, dt: f64, ws: &mut
     if let Some(groups) = model.averaging() {
         groups.add_blocks(model.elements(), q, parallel, &mut ws.averaging, &mut ws.upper);
     }
+    ws.folds.add(model, q, filter, &mut ws.upper, &mut ws.f_int);
     AssemblyReport::new(report, model)
 }
 
@@ -110,6 +111,7 @@ pub(super) fn sum_forces(model: &FemModel, state: &FemState, dt: f64, ws: &mut F
             })
         }
     };
+    ws.folds.add(model, q, false, &mut [], &mut ws.f_int);
     AssemblyReport::new(report, model)
 }
 
