@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Vector3};
 use palpate_collision::detection::DetectionReport;
 use palpate_constraints::compliance::{ComplianceMethod, ComplianceReport};
 use palpate_constraints::rows::RowReport;
-use palpate_fem::assembly::AssemblyReport;
+use palpate_fem::assembly::{AssemblyReport, FoldReport};
 use palpate_fem::pcg::{PcgReport, PcgStatus};
 use palpate_solver::report::SolveReport;
 
@@ -116,6 +116,10 @@ pub struct StepReport {
     pub free_motion: PcgReport,
     /// Halvings of the motion: by the guard of the linearised step, or by the line search of Newton's method.
     pub cuts: u32,
+    /// Linearisations by which the guard repeated the motion; 0 where one was enough.
+    pub repeated: u32,
+    /// Quadratic elements that fold between the points at which they are evaluated, at the begin of the step.
+    pub folds: FoldReport,
     /// Contacts found, merged, dropped.
     pub detection: DetectionReport,
     /// Rows built from the contacts.
@@ -172,6 +176,8 @@ impl StepReport {
             assembly: AssemblyReport::NONE,
             free_motion: PcgReport { status: PcgStatus::Converged, iterations: 0, relative_residual: 0.0 },
             cuts: 0,
+            repeated: 0,
+            folds: FoldReport::NONE,
             detection: DetectionReport {
                 candidates: 0,
                 contacts: 0,

@@ -178,6 +178,8 @@ pub struct StepWorkspace {
     pub(super) dt: f64,
     /// Configurations that the guard tries.
     pub(super) trial: FemState,
+    /// Newton's method for quadratic tissue in trouble.
+    pub(super) rescue: Option<ImplicitWorkspace>,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
     /// Where the problems go that are solved, if they are kept.
@@ -252,6 +254,7 @@ impl StepWorkspace {
             load: vec![0.0; 3 * free],
             sample: vec![0.0; 3 * free],
             lambda_of_sample: vec![0.0; rows],
+            rescue: super::guard::rescue(world),
             size: world.mesh().bounding_box().diagonal(),
             problem_files: None,
         }
