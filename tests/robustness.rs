@@ -231,9 +231,11 @@ fn every_law_comes_back_or_says_where_it_fails() {
                 // between the same two ends then, and rounding decides in which they come to rest: uninverted, not torn.
                 let wound = ordeal == Ordeal::Twisted && WIND_UP.contains(&law);
                 let may_stay = wound && element == ElementKind::Linear;
+                // It slipped through itself by inverted elements, and each such step named the worst of them (see `step`).
+                let slipped = outcome.smallest <= 0.0;
                 let whole = outcome.rests() && outcome.astray < 1.0;
                 let case = format!("{law}, {element:?}, {ratio:e}, {ordeal:?}: {outcome:?}");
-                assert!(outcome.recovers() || may_stay && whole, "{case}");
+                assert!(outcome.recovers() || may_stay && whole && slipped, "{case}");
             }
         }
     }

@@ -9,8 +9,7 @@
 //! steps that begin folded, or crushed beyond the laws' measured range, or whose motion had to be shortened, the motion is
 //! repeated: a few iterations of Newton's method with line search on `Φ`, without stiffness damping and none farther than
 //! [`REACH`]. Elements that fold between the points at which their law is evaluated are held open meanwhile
-//! ([`Folds`](palpate_fem::assembly::Folds)). Linear and averaged elements come back without that, and repeated motion finds
-//! for them the folded equilibria of tissue that went through itself more often, not less: they keep the first direction.
+//! ([`Folds`](palpate_fem::assembly::Folds)). Linear and averaged elements keep the first direction.
 //!
 //! The guard looks only at steps that give it a reason; others cost nothing and keep their bits. It does not see contact,
 //! which corrects the motion afterwards.
@@ -29,7 +28,7 @@ use crate::world::{Integration, World};
 /// to be folded at a node, it is below this at the point next to it.
 const EVEN: f64 = 0.7;
 
-/// Repeated linearisations: five leave blocks with a stiffness ratio of 1e4 torn, ten do not.
+/// Repeated linearisations, at most. Most steps in trouble need fewer; a step that needs more goes on in the next.
 const REPEATS: NewtonConfig = NewtonConfig { iterations: 10, tolerance: 1e-3 };
 
 /// Farthest that one of them moves a node, relative to the size of the body. Without it nodes that are inside out in stiff
