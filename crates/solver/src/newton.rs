@@ -27,10 +27,10 @@
 //! the least; after [`PATIENCE`] steps without a new best, or a singular system, the run goes back to the best forces and
 //! does twice as many sweeps as the time before. Forces are projected, so that every iterate is admissible.
 //!
-//! The first factorisation on a thread may allocate once (packing memory of faer's matrix products, kept for the thread);
-//! nothing else is allocated.
+//! Nothing is allocated; for what a thread needs before its first factorisation see [`crate::solver::warm_thread`].
 
 use crate::active_system::{ActiveSystem, Way};
+use crate::dense::warm_thread;
 use crate::gauss_seidel::{GaussSeidelWorkspace, residual, sweep};
 use crate::iteration::{self, Advance, Stop};
 use crate::problem::{ProblemView, gather, scatter};
@@ -115,6 +115,7 @@ impl ConstraintSolver for NewtonConfig {
 
     fn workspace(&self, rows: usize) -> NewtonWorkspace {
         let vector = || Vec::with_capacity(rows);
+        warm_thread();
         NewtonWorkspace {
             sweeps: GaussSeidelWorkspace::with_capacity(rows),
             system: ActiveSystem::with_capacity(rows),
