@@ -176,7 +176,10 @@ fn faceted_cones_converge_to_the_exact_cone() {
             assert!(distance(&solve(law, "lemke"), &swept) <= 1e-7 * norm(&swept));
         }
     }
-    assert!(errors[2] < 0.5 * errors[0], "{errors:?}");
+    // Forces are free to move along a side, so that all in all only the lost friction is left: nearly second order too.
+    let order = 0.5 * f64::log2(errors[0] / errors[2]);
+    println!("order of the forces {order:.2}");
+    assert!(order > 1.6, "{errors:?}");
 }
 
 #[test]

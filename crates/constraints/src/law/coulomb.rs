@@ -166,7 +166,7 @@ pub(super) fn natural_map<T: Real>(mu: T, rho: T, delta: [T; 3], lambda: [T; 3])
     let part = |c: usize| {
         let nearest = surface[c].or_where_not(finite, zero).or_where_not(outside, x[c]).or_where_not(pushed, zero);
         // Infinity and NaN become NaN.
-        lambda[c] - nearest + (x[c] - x[c])
+        lambda[c] - nearest + x[c] * 0.0
     };
     [part(0), part(1), part(2)]
 }
