@@ -7,7 +7,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::gathering::Gathering;
 use crate::problem_files::ProblemFiles;
-use crate::record::{FactorLine, StepLine, TraceLines};
+use crate::record::{FactorLine, StepLine, TickLine, TraceLines};
 use crate::refresh::{FactorSample, Refresh, RefreshPort, RefreshWatch, refresh};
 use crate::run::{RunError, RunOptions, RunOutcome};
 use crate::settle::settle;
@@ -15,21 +15,40 @@ use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, s
 use crate::tick::Ticker;
 use crate::world::World;
 
-/// All stages of a run.
-pub(crate) struct Engine<'w> {
+/// All stages of a run. `T` is the tick: with its device, or () where it has been split off.
+pub(crate) struct Engine<'w, T = Ticker> {
     pub(crate) world: &'w World,
     pub(crate) stage: StepStage<'w>,
     /// None where the plan starts no factor stage.
     pub(crate) refresh: Option<Refresh>,
     pub(crate) refresh_trace: FactorLine,
-    pub(crate) ticker: Ticker,
+    pub(crate) ticker: T,
     pub(crate) trace: Option<TraceLines>,
     pub(crate) notes: Vec<String>,
+}
+
+/// What the tick reads and writes: snapshots, tool poses, the trace.
+pub(crate) struct TickEnds {
+    pub(crate) snapshots: Reader<HapticSnapshot>,
+    pub(crate) poses: Writer<Isometry3<f64>>,
+    pub(crate) line: TickLine,
 }
 
 impl<'w> Engine<'w> {
     /// Settles the body, factors its first matrix, opens device and trace.
     pub(crate) fn new(world: &'w World, options: &RunOptions) -> Result<Self, RunError> {
+        let device = crate::devices::device(world.description())?;
+        Self::with_tick(world, options, |ends| Ticker::new(world, device, ends.snapshots, ends.poses, ends.line))
+    }
+}
+
+impl<'w, T> Engine<'w, T> {
+    /// Settles the body, factors its first matrix, opens the trace; `make` makes the tick.
+    pub(crate) fn with_tick(
+        world: &'w World,
+        options: &RunOptions,
+        make: impl FnOnce(TickEnds) -> Result<T, RunError>,
+    ) -> Result<Self, RunError> {
         let mut notes = Vec::new();
         let (rest, settled) = settle(world);
         if let Some(report) = settled.filter(|report| !report.is_converged()) {
@@ -44,18 +63,21 @@ impl<'w> Engine<'w> {
         } else {
             (RefreshPort::fixed(first), None)
         };
-        let pose = world.first_pose();
-        let (pose_writer, pose_reader) = latest(&pose);
-        let (snapshot_writer, snapshot_reader) = latest(&HapticSnapshot::new(world.detection().max_contacts));
-        let device = crate::devices::device(world.description()).map_err(|e| RunError::Device(e.to_string()))?;
-        let (step_line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, &mut notes)?;
-        let ticker = Ticker::new(world, device, snapshot_reader, pose_writer, tick_line)?;
+        let (pose_writer, poses) = latest(&world.first_pose());
+        let (snapshots, snapshot_reader) = latest(&HapticSnapshot::new(world.detection().max_contacts));
+        let (line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, &mut notes)?;
+        let ticker = make(TickEnds { snapshots: snapshot_reader, poses: pose_writer, line: tick_line })?;
         let state = StepState::new(world, rest);
         let problems = options.problems.clone().map(ProblemFiles::new);
-        let (snapshots, poses, line) = (snapshot_writer, pose_reader, step_line);
         let watch = RefreshWatch::new(world.plan().accuracy);
         let stage = StepStage { world, state, ws, port, watch, urged: false, snapshots, poses, line, problems };
         Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes })
+    }
+
+    /// The tick, and all the rest.
+    pub(crate) fn split(self) -> (T, Engine<'w, ()>) {
+        let Self { world, stage, refresh, refresh_trace, ticker, trace, notes } = self;
+        (ticker, Engine { world, stage, refresh, refresh_trace, ticker: (), trace, notes })
     }
 
     /// In lockstep, writes the records that wait for the trace.
@@ -113,6 +135,16 @@ impl StepStage<'_> {
             self.urged = self.watch.is_too_old(&report) && self.port.urge(report.step, time, q, system);
         }
         report
+    }
+
+    /// Hands the tick a snapshot without contacts that is marked as not valid: the force comes down to zero at the rate
+    /// that the limits allow, and its return is a ramp.
+    pub(crate) fn rest(&mut self) {
+        let snapshot = self.snapshots.value_mut();
+        snapshot.clear();
+        // 0 would say that none has come yet.
+        snapshot.step = self.state.step.max(1);
+        self.snapshots.publish();
     }
 
     /// Whether the last step has urged the factor stage, which has its matrix then.

@@ -4,6 +4,7 @@ use palpate_constraints::compliance::ComplianceMethod;
 use palpate_constraints::law::{ContactLaw, Coulomb};
 use std::path::Path;
 
+use palpate_devices::place::Place;
 use palpate_haptics::SetupError;
 use palpate_haptics::limits::Limits;
 use palpate_haptics::script::HandScript;
@@ -257,12 +258,21 @@ fn device(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     let hands: Vec<_> = crate::devices::hand_names().collect();
     named(source, "hand.preset", &scene.hand.preset, &hands)?;
     let refused = |path: &str, e: SetupError| source.at(path, e.to_string(), "correct the value");
-    let spec = crate::devices::spec(&scene.device).map_err(|e| refused("device.preset", e))?;
+    if scene.device.preset.is_some() && scene.device.record.is_some() {
+        let message = "there is a `preset` and a `record`".to_string();
+        return Err(source.at("device.record", message, "keep the one that describes the device"));
+    }
+    let record = if scene.device.record.is_some() { "device.record" } else { "device.preset" };
+    let spec = crate::devices::spec(&scene.device).map_err(|e| refused(record, e))?;
+    Place::new(&scene.device.place()).map_err(|e| refused("device", e))?;
     scene.device.mechanics.validate().map_err(|e| refused("device.mechanics", e))?;
     if let Some(coupling) = &scene.coupling {
         coupling.validate().map_err(|e| refused("coupling", e))?;
     }
     Limits::new(&scene.limits, &spec).map_err(|e| refused("limits", e))?;
+    if scene.hand.path.is_empty() && !crate::devices::follows_path(&scene.device.kind) {
+        return Ok(());
+    }
     HandScript::new(scene.hand.path.clone()).map_err(|e| {
         let entry = match e {
             SetupError::ScriptGap { entry, .. }

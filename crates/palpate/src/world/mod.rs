@@ -122,7 +122,7 @@ impl World {
         &self.warnings
     }
 
-    /// The pose of the tool before the first step: where the hand's path begins.
+    /// The pose of the tool before the first step: where the hand's path begins, or without one the device's origin.
     pub fn first_pose(&self) -> Isometry3<f64> {
         first_pose(self.description())
     }
@@ -225,7 +225,7 @@ fn one_line(value: &impl serde::Serialize) -> String {
 }
 
 fn first_pose(description: &SceneDescription) -> Isometry3<f64> {
-    let [x, y, z] = description.hand.path[0].position;
+    let [x, y, z] = description.hand.path.first().map_or(description.device.origin, |key| key.position);
     Isometry3::translation(x, y, z)
 }
 
@@ -338,7 +338,11 @@ fn tool_outside(world: &World) -> Result<(), SceneError> {
     if report.tool_inside {
         let p = pose.translation.vector;
         let message = format!("the tool begins inside the body, at {:.4}, {:.4}, {:.4} m", p.x, p.y, p.z);
-        return Err(world.scene.at("hand.path.0", message, "begin outside the skin, then press"));
+        let (place, remedy) = match world.description().hand.path.is_empty() {
+            false => ("hand.path.0", "begin outside the skin, then press"),
+            true => ("device.origin", "move the device's origin outside the skin, or say by hand.path where it begins"),
+        };
+        return Err(world.scene.at(place, message, remedy));
     }
     Ok(())
 }
