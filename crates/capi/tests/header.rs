@@ -13,8 +13,8 @@ fn header() -> String {
     let mut bytes = Vec::new();
     builder.generate().expect("the source is understood").write(&mut bytes);
     let text = String::from_utf8(bytes).expect("the source is UTF-8");
-    // What Rust calls safety is what the caller answers for.
-    text.replace(" * # Safety\n", " * The caller answers for this:\n")
+    // What Rust calls safety is what the caller answers for; the highest flag is no signed number.
+    text.replace("# Safety\n", "The caller answers for this:\n").replace("(1 << ", "(1u << ")
 }
 
 #[test]

@@ -101,10 +101,7 @@ impl Place {
         let rotation = &self.pose.rotation;
         DeviceSample {
             pose: self.pose * sample.pose,
-            velocity: Twist {
-                linear: rotation * sample.velocity.linear,
-                angular: rotation * sample.velocity.angular,
-            },
+            velocity: Twist { linear: rotation * sample.velocity.linear, angular: rotation * sample.velocity.angular },
             ..*sample
         }
     }

@@ -87,6 +87,12 @@ fn test() -> Outcome {
     execute(&mut cargo(&["test", "--release", "--workspace"]))
 }
 
+/// Writes the header of the C library; the test that compares it is what knows how.
+pub(crate) fn write_header() -> Outcome {
+    let mut command = cargo(&["test", "--release", "--package", "palpate-capi", "--test", "header"]);
+    execute(command.env("PALPATE_WRITE_HEADER", "1"))
+}
+
 /// Every example of the root package, found by its file.
 fn examples() -> Outcome {
     let folder = root().join("examples");

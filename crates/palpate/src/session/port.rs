@@ -113,11 +113,8 @@ impl Port {
         reports: Sender<TickReport>,
         shared: Arc<Shared>,
     ) -> Self {
-        let device = Exchange {
-            spec,
-            sample: DeviceSample::at_rest(0.0, Isometry3::identity()),
-            wrench: Wrench::zero(),
-        };
+        let device =
+            Exchange { spec, sample: DeviceSample::at_rest(0.0, Isometry3::identity()), wrench: Wrench::zero() };
         let (clock, motion, epoch) = (DeviceClock::default(), Motion::default(), Instant::now());
         Self { stage, device, place, clock, motion, reports, shared, epoch, started: false, time_ns: None }
     }
@@ -145,16 +142,11 @@ impl Port {
         let phase = self.shared.phase();
         let pose = sample.pose();
         let estimate = self.motion.advance(&pose, elapsed.map(seconds));
-        let velocity = sample.velocity.map_or(estimate, |[linear, angular]| Twist {
-            linear: linear.into(),
-            angular: angular.into(),
-        });
-        self.device.sample = self.place.sample(&DeviceSample {
-            time: seconds(host),
-            pose,
-            velocity,
-            buttons: sample.buttons,
-        });
+        let velocity = sample
+            .velocity
+            .map_or(estimate, |[linear, angular]| Twist { linear: linear.into(), angular: angular.into() });
+        self.device.sample =
+            self.place.sample(&DeviceSample { time: seconds(host), pose, velocity, buttons: sample.buttons });
         let begun = self.shared.start.get().map(|start| nanoseconds(begin.saturating_duration_since(*start)));
         if begun.is_some() && !self.started {
             (self.started, self.time_ns) = (true, None);
