@@ -4,7 +4,7 @@ use std::ffi::{CStr, c_char};
 use std::mem::offset_of;
 use std::path::PathBuf;
 
-use palpate::place::{Direction, PlaceConfig};
+use palpate::drivers::place::{Direction, PlaceConfig};
 use palpate::run::RunOptions;
 use palpate::session::PortConfig;
 

@@ -9,7 +9,9 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum DriverError {
     /// No library could be loaded.
-    #[error("the library of {vendor} cannot be loaded ({tried}); install the vendor's SDK, or name the file by {remedy}")]
+    #[error(
+        "the library of {vendor} cannot be loaded ({tried}); install the vendor's SDK, or name the file by {remedy}"
+    )]
     Library {
         /// Whose it is.
         vendor: &'static str,

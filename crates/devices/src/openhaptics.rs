@@ -246,21 +246,11 @@ fn open(config: &DriverConfig) -> Opened {
     let library = VendorLibrary::open(&ORIGIN, config.library.as_deref())?;
     let functions = Functions::of(&library)?;
     let (handle, spec) = initialise(&functions)?;
-    let nothing = Measured {
-        sample: DeviceSample::at_rest(0.0, Isometry3::identity()),
-        error: 0,
-        at: Instant::now(),
-    };
+    let nothing = Measured { sample: DeviceSample::at_rest(0.0, Isometry3::identity()), error: 0, at: Instant::now() };
     let (sample_writer, samples) = latest(&nothing);
     let (wanted, wanted_reader) = latest(&Wanted::default());
-    let servo = Servo {
-        functions,
-        handle,
-        samples: sample_writer,
-        wanted: wanted_reader,
-        number: 0,
-        silence: LARGEST_SILENCE,
-    };
+    let servo =
+        Servo { functions, handle, samples: sample_writer, wanted: wanted_reader, number: 0, silence: LARGEST_SILENCE };
     let servo = Box::into_raw(Box::new(servo));
     // SAFETY: the device is initialised and current; `servo` lives until the callback is unscheduled.
     let scheduled = unsafe {

@@ -121,19 +121,20 @@ impl Place {
 }
 
 /// A device that speaks its own frame, seen from the world.
-pub struct Placed<D> {
-    device: D,
+pub struct Placed {
+    device: Box<dyn HapticDevice>,
     place: Place,
 }
 
-impl<D: HapticDevice> Placed<D> {
+impl Placed {
     /// `device` at this place.
-    pub fn new(device: D, place: Place) -> Self {
+    #[must_use]
+    pub fn new(device: Box<dyn HapticDevice>, place: Place) -> Self {
         Self { device, place }
     }
 }
 
-impl<D: HapticDevice> HapticDevice for Placed<D> {
+impl HapticDevice for Placed {
     fn spec(&self) -> &DeviceSpec {
         self.device.spec()
     }

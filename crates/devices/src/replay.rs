@@ -41,10 +41,7 @@ impl Moment {
         Self {
             time_ns: record.time_ns,
             pose: Isometry3::from_parts(Translation3::from(record.device_position), rotation),
-            velocity: Twist {
-                linear: record.device_velocity.into(),
-                angular: record.device_angular_velocity.into(),
-            },
+            velocity: Twist { linear: record.device_velocity.into(), angular: record.device_angular_velocity.into() },
             answered: !bad,
         }
     }

@@ -1,6 +1,7 @@
 //! The three stages of a run and what lies between them: made once, then moved to threads or driven in lockstep.
 
 use nalgebra::Isometry3;
+use palpate_haptics::device::DeviceSpec;
 use palpate_haptics::exchange::{Reader, Writer, latest};
 use palpate_haptics::snapshot::HapticSnapshot;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -37,16 +38,18 @@ pub(crate) struct TickEnds {
 impl<'w> Engine<'w> {
     /// Settles the body, factors its first matrix, opens device and trace.
     pub(crate) fn new(world: &'w World, options: &RunOptions) -> Result<Self, RunError> {
-        let device = crate::devices::device(world.description())?;
-        Self::with_tick(world, options, |ends| Ticker::new(world, device, ends.snapshots, ends.poses, ends.line))
+        let device = crate::devices::device(world.scene())?;
+        let spec = device.spec().clone();
+        Self::with_tick(world, options, &spec, |ends| Ticker::new(world, device, ends.snapshots, ends.poses, ends.line))
     }
 }
 
 impl<'w, T> Engine<'w, T> {
-    /// Settles the body, factors its first matrix, opens the trace; `make` makes the tick.
+    /// Settles the body, factors its first matrix, opens the trace; `make` makes the tick on a device of this record.
     pub(crate) fn with_tick(
         world: &'w World,
         options: &RunOptions,
+        device: &DeviceSpec,
         make: impl FnOnce(TickEnds) -> Result<T, RunError>,
     ) -> Result<Self, RunError> {
         let mut notes = Vec::new();
@@ -65,7 +68,7 @@ impl<'w, T> Engine<'w, T> {
         };
         let (pose_writer, poses) = latest(&world.first_pose());
         let (snapshots, snapshot_reader) = latest(&HapticSnapshot::new(world.detection().max_contacts));
-        let (line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, &mut notes)?;
+        let (line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, device, &mut notes)?;
         let ticker = make(TickEnds { snapshots: snapshot_reader, poses: pose_writer, line: tick_line })?;
         let state = StepState::new(world, rest);
         let problems = options.problems.clone().map(ProblemFiles::new);

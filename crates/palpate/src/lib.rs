@@ -38,7 +38,7 @@ pub mod world;
 
 pub use palpate_collision as collision;
 pub use palpate_constraints as constraints;
-pub use palpate_devices::place;
+pub use palpate_devices as drivers;
 pub use palpate_fem as fem;
 pub use palpate_haptics as haptics;
 pub use palpate_solver as solver;

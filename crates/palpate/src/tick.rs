@@ -115,7 +115,7 @@ impl Ticker {
         snapshots: Reader<HapticSnapshot>,
         poses: Writer<Isometry3<f64>>,
     ) -> Result<Self, RunError> {
-        let device = devices::device(world.description())?;
+        let device = devices::device(world.scene())?;
         Self::new(world, device, snapshots, poses, TickLine::none())
     }
 
@@ -126,8 +126,9 @@ impl Ticker {
         poses: Writer<Isometry3<f64>>,
         line: TickLine,
     ) -> Result<Self, RunError> {
-        // The scene's record of limits, which a preset replaces, not the one that the virtual device was made with.
-        let spec = devices::spec(&world.description().device).map_err(|e| RunError::Device(e.to_string()))?;
+        // The limits that the scene states, before those that the device states of itself.
+        let spec = devices::spec(&world.description().device, Some(device.spec()));
+        let spec = spec.map_err(|e| RunError::Device(e.to_string()))?;
         let config = TickStage::config(world, &spec);
         Ok(Self { stage: TickStage::new(world, &config, &spec, snapshots, poses, line)?, device })
     }
@@ -188,7 +189,7 @@ mod tests {
         let world = Scene::from_toml(BLOCK, std::path::Path::new("")).unwrap().build().unwrap();
         let (_, snapshots) = latest(&HapticSnapshot::new(1));
         let (poses, _) = latest(&world.first_pose());
-        let device = devices::device(world.description()).unwrap();
+        let device = devices::device(world.scene()).unwrap();
         let ticker = Ticker::new(&world, device, snapshots, poses, TickLine::none()).unwrap();
         assert_eq!(ticker.stage.tick.limits().max_force(), 3.3, "what CHAI3D states for the Touch (N)");
     }

@@ -263,7 +263,11 @@ fn device(scene: &SceneDescription, source: &Source<'_>) -> Checked {
         return Err(source.at("device.record", message, "keep the one that describes the device"));
     }
     let record = if scene.device.record.is_some() { "device.record" } else { "device.preset" };
-    let spec = crate::devices::spec(&scene.device).map_err(|e| refused(record, e))?;
+    let spec = crate::devices::spec(&scene.device, None).map_err(|e| refused(record, e))?;
+    if let Some(key) = crate::devices::keys_without_effect(&scene.device).next() {
+        let message = format!("`{key}` has no effect on a device of kind `{}`", scene.device.kind);
+        return Err(source.at(&format!("device.{key}"), message, "leave it out, or change the kind"));
+    }
     Place::new(&scene.device.place()).map_err(|e| refused("device", e))?;
     scene.device.mechanics.validate().map_err(|e| refused("device.mechanics", e))?;
     if let Some(coupling) = &scene.coupling {

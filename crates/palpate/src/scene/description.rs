@@ -465,6 +465,15 @@ pub struct DeviceDescription {
     /// Limits of a device that has no preset.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub record: Option<DeviceSpec>,
+    /// The vendor's library, where it is not found by its own name; for `force_dimension` and `openhaptics`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub library: Option<String>,
+    /// Address of the service, where it is not the usual one; for `haply`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub url: Option<String>,
+    /// Trace whose device poses are repeated, relative to the scene file; for `replay`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trace: Option<String>,
     /// Where the origin of the device's frame lies in the world (m); for hardware and `port`.
     pub origin: [f64; 3],
     /// Which way the device's x, y and z point in the world, such as `["y", "-x", "z"]`; for hardware and `port`.
@@ -477,7 +486,8 @@ impl Default for DeviceDescription {
     fn default() -> Self {
         let PlaceConfig { origin, axes } = PlaceConfig::default();
         let mechanics = VirtualDeviceConfig::default();
-        Self { kind: "virtual".into(), preset: None, record: None, origin, axes, mechanics }
+        let (preset, record, library, url, trace) = (None, None, None, None, None);
+        Self { kind: "virtual".into(), preset, record, library, url, trace, origin, axes, mechanics }
     }
 }
 

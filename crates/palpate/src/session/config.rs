@@ -58,9 +58,10 @@ impl PortConfig {
             return Err(scene.at("rates.tick", message, "give the rate at which the driver calls"));
         }
         let refused = |e: palpate_haptics::SetupError| scene.at("device", e.to_string(), "correct the value");
-        let record = self.record(&spec(&scene.description().device).map_err(refused)?);
+        let record = self.record(&spec(&scene.description().device, None).map_err(refused)?);
         scene.edit(|d| {
             d.device.kind = PORT.into();
+            (d.device.library, d.device.url, d.device.trace) = (None, None, None);
             d.rates.tick = rate;
             if d.coupling.is_none() {
                 let share = (rate / record.rate).min(1.0);

@@ -117,7 +117,7 @@ impl Session {
         let scene = world.description();
         let device = |e: palpate_haptics::SetupError| RunError::Device(e.to_string());
         let place = Place::new(&scene.device.place()).map_err(device)?;
-        let spec = crate::devices::spec(&scene.device).map_err(device)?;
+        let spec = crate::devices::spec(&scene.device, None).map_err(device)?;
         let shared = Arc::new(Shared {
             phase: AtomicU8::new(Phase::Ready as u8),
             paused: AtomicBool::new(false),
@@ -215,10 +215,10 @@ fn live(
         let pool = workers(options.threads)?;
         // Made inside the pool: the workspace of the assembly is laid out for its number of threads.
         let engine = pool.install(|| {
-            let spec = crate::devices::spec(&world.description().device);
+            let spec = crate::devices::spec(&world.description().device, None);
             let spec = spec.map_err(|e| RunError::Device(e.to_string()))?;
             let config = TickStage::config(world, &spec);
-            Engine::with_tick(world, options, |ends| {
+            Engine::with_tick(world, options, &spec, |ends| {
                 TickStage::new(world, &config, &spec, ends.snapshots, ends.poses, ends.line)
             })
         })?;
