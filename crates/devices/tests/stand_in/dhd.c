@@ -1,11 +1,15 @@
 /* A stand-in for Force Dimension's DHD library: the functions that the driver calls, over a device in arithmetic only.
  *
  * The device is a mass on a spring to a hand; each command of a force moves it by a millisecond. Functions that begin with
- * stand_in_ are the test's, to move the hand and to pull the plug.
+ * stand_in_ are the test's, to move the hand and to pull the plug; where the library is loaded by another program, the
+ * environment says where the hand goes (STAND_IN_HAND, "x y z" in m) and after how many poses the plug is pulled
+ * (STAND_IN_UNPLUG).
  */
 #include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
 
 static const double MASS = 0.1, DAMPING = 6.0, STIFFNESS = 350.0, DT = 1e-3;
 
@@ -16,6 +20,7 @@ static int last_error = 0;
 static int system_type = 33; /* DHD_DEVICE_OMEGA3 */
 static int forces_enabled = 0;
 static int calls = 0;
+static int unplug_after = -1;
 static double position[3], velocity[3], hand[3], force[3], torque[3];
 
 void stand_in_devices(int n) { devices = n; }
@@ -46,6 +51,10 @@ int dhdOpen(void)
 {
     if (devices < 1) return fail(5); /* DHD_ERROR_NO_DEVICE_FOUND */
     open_count++;
+    const char *text = getenv("STAND_IN_HAND");
+    if (text != NULL) sscanf(text, "%lf %lf %lf", &hand[0], &hand[1], &hand[2]);
+    text = getenv("STAND_IN_UNPLUG");
+    if (text != NULL) unplug_after = atoi(text);
     return 0;
 }
 
@@ -83,6 +92,7 @@ int dhdGetPositionAndOrientationFrame(double *x, double *y, double *z, double fr
 {
     static const double turned[3][3] = {{0, -1, 0}, {1, 0, 0}, {0, 0, 1}};
     (void)id;
+    if (calls == unplug_after) unplugged = 1;
     if (gone()) return fail(2);
     *x = position[0];
     *y = position[1];
