@@ -2,6 +2,7 @@
 //!
 //! Needs a C compiler; says so and returns where there is none.
 
+#![cfg(unix)] // shared libraries by their Unix names
 #![allow(clippy::print_stdout)] // what the programs printed, and why a test was skipped
 
 use std::path::{Path, PathBuf};

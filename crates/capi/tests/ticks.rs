@@ -257,6 +257,25 @@ fn a_driver_that_stalls_gets_its_force_back_as_a_ramp() {
 }
 
 #[test]
+fn time_is_measured_at_every_rate_so_that_the_ramp_takes_as_long() {
+    for rate in [100.0, 500.0, 8000.0] {
+        let rig = Rig::started(&Options { rate, gap: 0.2, ..options() });
+        let mut gain = None;
+        rig.tick_until(0.004, "the whole force", |o| {
+            // 0.3 s from nothing to all, however many ticks that is.
+            if let Some(before) =
+                gain.filter(|_| o.flags & PALPATE_TICK_FADE_IN != 0 && o.flags & PALPATE_TICK_GAP == 0)
+            {
+                assert!((o.gain - before - o.dt / 0.3).abs() < 1e-12, "{rate} Hz: {o:?}");
+            }
+            gain = (o.flags & (PALPATE_TICK_NO_STEP | PALPATE_TICK_GAP) == 0).then_some(o.gain);
+            std::thread::sleep(Duration::from_secs_f64((1.0 / rate - 1e-3).max(0.0)));
+            o.gain == 1.0 && o.force[2] > 0.02
+        });
+    }
+}
+
+#[test]
 fn ticks_allocate_nothing_in_contact_and_in_every_fault() {
     let rig = Rig::started(&options());
     rig.press(0.004);

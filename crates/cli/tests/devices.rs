@@ -3,6 +3,7 @@
 //! The hardware is a library compiled from C that speaks the vendor's interface. Says so and returns where there is no
 //! compiler.
 
+#![cfg(unix)] // shared libraries by their Unix names
 #![allow(clippy::print_stdout)] // why a test was skipped
 
 mod program_runs;
@@ -91,6 +92,7 @@ fn hardware_that_is_unplugged_in_mid_run_gets_no_force_and_the_run_ends_in_order
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(summary["end"], "completed");
+    assert!(summary["notes"].to_string().contains("the device is not connected"), "{}", summary["notes"]);
     let trace = Trace::load(place.path("small.mcap")).unwrap();
     let first = trace.ticks.iter().position(|tick| tick.flags.contains(TickFlags::DEVICE_MISSING)).unwrap();
     assert_eq!(first, 200);
@@ -131,7 +133,8 @@ fn devices_are_listed_with_why_not_for_those_that_are_not_found() {
     let output = run(&folder(&place), "devices --dhd ./libdhd.so --hd ./nowhere.so --haply ws://127.0.0.1:1", &[]);
     assert!(output.status.success());
     let text = String::from_utf8(output.stdout).unwrap();
-    let line = |name: &str| text.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{name}: {text}"));
+    let line =
+        |name: &str| text.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{name}: {text}"));
     assert!(line("virtual").contains("built in") && line("scripted").contains("built in"));
     assert!(line("port").contains("C library") && line("replay").contains("trace"));
     assert!(line("force_dimension").contains(" found ") && line("force_dimension").contains("1 connected"));

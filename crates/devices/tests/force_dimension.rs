@@ -1,5 +1,6 @@
 //! Does the driver speak DHD as it is documented, and say what is wrong when it cannot?
 
+#![cfg(unix)] // shared libraries by their Unix names
 #![allow(unsafe_code, unreachable_pub)] // the test moves the hand of a C library; the stand-in is shared
 
 mod stand_in;

@@ -1,15 +1,17 @@
 //! The device, hand and coupling that a scene describes.
 
+use nalgebra::Isometry3;
 use palpate_devices::place::{Place, PlaceConfig, Placed};
 use palpate_devices::{DRIVERS, DriverConfig, driver};
 use palpate_haptics::SetupError;
 use palpate_haptics::coupling::CouplingConfig;
-use palpate_haptics::device::{DEVICES, DeviceSetup, DeviceSpec, HapticDevice, open};
+use palpate_haptics::device::{DEVICES, DeviceSetup, DeviceSpec, HapticDevice, TickTime, open};
 use palpate_haptics::hand::{HAND_PRESETS, Hand};
 use palpate_haptics::script::HandScript;
 
 use crate::run::RunError;
 use crate::scene::{DeviceDescription, Scene, SceneDescription};
+use crate::world::World;
 
 /// Kind of the device whose driver calls the tick itself, through a [`Port`](crate::session::Port).
 pub const PORT: &str = "port";
@@ -83,6 +85,17 @@ pub(crate) fn device(scene: &Scene) -> Result<Box<dyn HapticDevice>, RunError> {
         mechanics: description.device.mechanics,
     };
     open(&description.device.kind, &setup).map_err(refused)
+}
+
+/// Where the tool is before the first step. A path knows; hardware is asked, for it may be anywhere.
+pub(crate) fn first_pose(world: &World, device: &mut dyn HapticDevice) -> Isometry3<f64> {
+    let told = world.first_pose();
+    if follows_path(&world.description().device.kind) {
+        return told;
+    }
+    let moment = TickTime::regular(0, 1.0 / world.description().rates.tick);
+    let asked = device.read(moment).map(|sample| sample.pose);
+    asked.ok().filter(|pose| pose.translation.vector.iter().all(|x| x.is_finite())).unwrap_or(told)
 }
 
 /// What the scene says to its driver, with paths that are found from anywhere.

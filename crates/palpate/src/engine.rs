@@ -38,18 +38,23 @@ pub(crate) struct TickEnds {
 impl<'w> Engine<'w> {
     /// Settles the body, factors its first matrix, opens device and trace.
     pub(crate) fn new(world: &'w World, options: &RunOptions) -> Result<Self, RunError> {
-        let device = crate::devices::device(world.scene())?;
+        let mut device = crate::devices::device(world.scene())?;
         let spec = device.spec().clone();
-        Self::with_tick(world, options, &spec, |ends| Ticker::new(world, device, ends.snapshots, ends.poses, ends.line))
+        let first = crate::devices::first_pose(world, device.as_mut());
+        Self::with_tick(world, options, &spec, first, |ends| {
+            Ticker::new(world, device, ends.snapshots, ends.poses, ends.line)
+        })
     }
 }
 
 impl<'w, T> Engine<'w, T> {
-    /// Settles the body, factors its first matrix, opens the trace; `make` makes the tick on a device of this record.
+    /// Settles the body, factors its first matrix, opens the trace; `make` makes the tick on a device of this record. The
+    /// first step has the tool at `first`.
     pub(crate) fn with_tick(
         world: &'w World,
         options: &RunOptions,
         device: &DeviceSpec,
+        first: Isometry3<f64>,
         make: impl FnOnce(TickEnds) -> Result<T, RunError>,
     ) -> Result<Self, RunError> {
         let mut notes = Vec::new();
@@ -59,14 +64,14 @@ impl<'w, T> Engine<'w, T> {
             notes.push(format!("the body did not settle under gravity; it begins at rest under {share:.1} % of it"));
         }
         let mut ws = StepWorkspace::new(world);
-        let first = FactorSample::first(world, &rest, &mut ws)?;
+        let factor = FactorSample::first(world, &rest, &mut ws)?;
         let (port, refresh) = if world.plan().has_factor_thread() {
-            let (port, refresh) = refresh(&first, &ws.fem.system);
+            let (port, refresh) = refresh(&factor, &ws.fem.system);
             (port, Some(refresh))
         } else {
-            (RefreshPort::fixed(first), None)
+            (RefreshPort::fixed(factor), None)
         };
-        let (pose_writer, poses) = latest(&world.first_pose());
+        let (pose_writer, poses) = latest(&first);
         let (snapshots, snapshot_reader) = latest(&HapticSnapshot::new(world.detection().max_contacts));
         let (line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, device, &mut notes)?;
         let ticker = make(TickEnds { snapshots: snapshot_reader, poses: pose_writer, line: tick_line })?;
@@ -93,6 +98,7 @@ impl<'w, T> Engine<'w, T> {
     /// Ends the trace and sums the run up. `wall` is the time it took in real time (s).
     pub(crate) fn finish(self, mut gathering: Gathering, wall: Option<f64>) -> RunOutcome {
         gathering.notes.splice(0..0, self.notes);
+        gathering.notes.extend(gathering.device_note());
         gathering.notes.extend(self.stage.problems.as_ref().map(ProblemFiles::note));
         let trace = self.trace.map(|trace| trace.finish(&gathering));
         RunOutcome { summary: gathering.summary(self.world, wall, trace), state: self.stage.state.fem }
@@ -148,6 +154,11 @@ impl StepStage<'_> {
         // 0 would say that none has come yet.
         snapshot.step = self.state.step.max(1);
         self.snapshots.publish();
+    }
+
+    /// Whether the tick has told a pose since the last step.
+    pub(crate) fn has_pose(&self) -> bool {
+        self.poses.has_new()
     }
 
     /// Whether the last step has urged the factor stage, which has its matrix then.

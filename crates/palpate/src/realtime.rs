@@ -92,6 +92,7 @@ pub(crate) fn attend(
         let (end_all, granted, pool) = (&end_all, &granted, pool);
         // The scope waits for its threads even where an observer panics, so they must be told.
         let _told = EndOnDrop(end_all);
+        let elsewhere = matches!(tick, TickThread::Elsewhere);
         let ticking = match tick {
             TickThread::Own { ticker, reports } => spawn("palpate-tick")
                 .spawn_scoped(scope, move || {
@@ -116,7 +117,7 @@ pub(crate) fn attend(
                 spawn("palpate-step").spawn_scoped(scope, move || {
                     let _ends = EndOnPanic(end_all);
                     let pacer = Pacer::new(start, rates.step);
-                    pool.install(|| step_loop(stage, pacer, step_sender, end_all, switches.paused));
+                    pool.install(|| step_loop(stage, pacer, step_sender, end_all, switches.paused, elsewhere));
                 })
             });
         let end = spawned.map(|_| watch.until(seconds, start, switches.stop, end_all, observer))?;
@@ -198,9 +199,15 @@ fn step_loop(
     mut reports: Sender<StepReport>,
     end: &AtomicBool,
     paused: &AtomicBool,
+    mut awaits_pose: bool,
 ) {
     let mut resting = false;
     while let Some(beat) = pacer.wait(end) {
+        // A driver that has not ticked yet may have its tool anywhere.
+        awaits_pose &= !stage.has_pose();
+        if awaits_pose {
+            continue;
+        }
         // Periods of a pause pass unused and are not missed.
         if paused.load(Ordering::Acquire) {
             if !resting {

@@ -37,6 +37,8 @@ pub(crate) struct TickStage {
     poses: Writer<Isometry3<f64>>,
     line: TickLine,
     index: u64,
+    /// Whether the device has told a sound pose.
+    placed: bool,
 }
 
 impl TickStage {
@@ -52,7 +54,7 @@ impl TickStage {
         let tick = Tick::new(config, spec).map_err(|e| RunError::Device(e.to_string()))?;
         let contacts = world.detection().max_contacts;
         let (state, ws) = (TickState::new(contacts), TickWorkspace::new(contacts));
-        Ok(Self { tick, state, ws, snapshots, poses, line, index: 0 })
+        Ok(Self { tick, state, ws, snapshots, poses, line, index: 0, placed: false })
     }
 
     /// What the scene says about its tick, on a device of this record.
@@ -88,7 +90,11 @@ impl TickStage {
         let moment = TickTime { index: self.index, time, dt };
         self.index += 1;
         let record = run_tick(&self.tick, &mut self.state, &mut self.ws, &mut self.snapshots, device, moment);
-        self.poses.send(record.tool_pose);
+        // Before the first sound pose there is none to tell the step.
+        self.placed |= !record.flags.contains(TickFlags::BAD_POSE) && record.device_error.is_none();
+        if self.placed {
+            self.poses.send(record.tool_pose);
+        }
         record
     }
 

@@ -4,7 +4,7 @@
 //! Session::open ── Ready ── start ── Running ⇄ Paused ── stop, or a body that fails ── Stopped, Failed
 //!                    port ticks: no force     force         no force       the force comes down, then none
 //! ```
-//! The session owns the step, the factor stage and the trace; the driver owns the [`Port`] and ticks it in its own
+//! The tissue begins to move when the first tick has told where the tool is. The session owns the step, the factor stage and the trace; the driver owns the [`Port`] and ticks it in its own
 //! thread. Either may be dropped first.
 
 pub mod clock;
@@ -218,7 +218,7 @@ fn live(
             let spec = crate::devices::spec(&world.description().device, None);
             let spec = spec.map_err(|e| RunError::Device(e.to_string()))?;
             let config = TickStage::config(world, &spec);
-            Engine::with_tick(world, options, &spec, |ends| {
+            Engine::with_tick(world, options, &spec, world.first_pose(), |ends| {
                 TickStage::new(world, &config, &spec, ends.snapshots, ends.poses, ends.line)
             })
         })?;

@@ -122,7 +122,8 @@ impl World {
         &self.warnings
     }
 
-    /// The pose of the tool before the first step: where the hand's path begins, or without one the device's origin.
+    /// The pose of the tool before the device has told one: where the hand's path begins, or without one the device's
+    /// origin.
     pub fn first_pose(&self) -> Isometry3<f64> {
         first_pose(self.description())
     }
@@ -328,8 +329,12 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     Ok(world)
 }
 
-/// Refuses a tool that begins inside the body: there is no skin that it came through.
+/// Refuses a tool that begins inside the body: there is no skin that it came through. Where a real hand begins is its
+/// own affair.
 fn tool_outside(world: &World) -> Result<(), SceneError> {
+    if world.description().hand.path.is_empty() {
+        return Ok(());
+    }
     let mut ws = DetectionWorkspace::new(&world.geometry);
     let mut contacts = ContactSet::with_capacity(world.detection.max_contacts);
     let pose = world.first_pose();
@@ -338,11 +343,7 @@ fn tool_outside(world: &World) -> Result<(), SceneError> {
     if report.tool_inside {
         let p = pose.translation.vector;
         let message = format!("the tool begins inside the body, at {:.4}, {:.4}, {:.4} m", p.x, p.y, p.z);
-        let (place, remedy) = match world.description().hand.path.is_empty() {
-            false => ("hand.path.0", "begin outside the skin, then press"),
-            true => ("device.origin", "move the device's origin outside the skin, or say by hand.path where it begins"),
-        };
-        return Err(world.scene.at(place, message, remedy));
+        return Err(world.scene.at("hand.path.0", message, "begin outside the skin, then press"));
     }
     Ok(())
 }
