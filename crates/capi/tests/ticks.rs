@@ -260,7 +260,7 @@ fn a_driver_that_stalls_gets_its_force_back_as_a_ramp() {
 fn time_is_measured_at_every_rate_so_that_the_ramp_takes_as_long() {
     for rate in [100.0, 500.0, 8000.0] {
         let rig = Rig::started(&Options { rate, gap: 0.2, ..options() });
-        let mut gain = None;
+        let mut gain: Option<f64> = None;
         rig.tick_until(0.004, "the whole force", |o| {
             // 0.3 s from nothing to all, however many ticks that is.
             if let Some(before) =
