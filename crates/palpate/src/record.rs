@@ -8,6 +8,7 @@ use palpate_collision::shape::ToolShape;
 use palpate_fem::factor::FactorStatus;
 use palpate_fem::model::FemState;
 use palpate_fem::pcg::PcgStatus;
+use palpate_haptics::device::DeviceSpec;
 use palpate_haptics::record::TickFlags;
 use palpate_trace as trace;
 use palpate_trace::{
@@ -28,6 +29,9 @@ pub(crate) const SCENE: &str = "scene.toml";
 
 /// Mode of a run in virtual time, in the metadata of its trace.
 pub(crate) const LOCKSTEP: &str = "lockstep";
+
+/// Entry of the trace's engine record for the limits that the device stated, as TOML.
+pub(crate) const DEVICE_RECORD: &str = "device_record";
 
 /// Metadata record that says how the run ended, and its entry for the number of ticks.
 pub(crate) const END: &str = "end";
@@ -59,10 +63,15 @@ type Lines = (StepLine, TickLine, FactorLine, Option<TraceLines>);
 
 impl TraceLines {
     /// Opens the trace that the options name. A file that cannot be made is noted, and the run goes on without one.
-    pub(crate) fn open(world: &World, options: &RunOptions, notes: &mut Vec<String>) -> Result<Lines, RunError> {
+    pub(crate) fn open(
+        world: &World,
+        options: &RunOptions,
+        device: &DeviceSpec,
+        notes: &mut Vec<String>,
+    ) -> Result<Lines, RunError> {
         match &options.trace {
             None => Ok(Self::none()),
-            Some(path) => match Self::create(world, options, path) {
+            Some(path) => match Self::create(world, options, device, path) {
                 Err(error @ TraceError::Create { .. }) => {
                     notes.push(format!("{error}; the run goes on without a trace"));
                     Ok(Self::none())
@@ -76,8 +85,8 @@ impl TraceLines {
         (StepLine(None), TickLine(None), FactorLine(None), None)
     }
 
-    fn create(world: &World, options: &RunOptions, path: &Path) -> Result<Lines, TraceError> {
-        let config = config(world, options);
+    fn create(world: &World, options: &RunOptions, device: &DeviceSpec, path: &Path) -> Result<Lines, TraceError> {
+        let config = config(world, options, device);
         let (ticks, steps, factors, lines) = if options.lockstep {
             let (inline, ticks, steps, factors) = InlineTrace::create(path, &config)?;
             (ticks, steps, factors, Self::Inline(Box::new(inline)))
@@ -131,7 +140,7 @@ impl TraceLines {
     }
 }
 
-fn config(world: &World, options: &RunOptions) -> TraceConfig {
+fn config(world: &World, options: &RunOptions, device: &DeviceSpec) -> TraceConfig {
     let scene = world.description();
     let base = if options.lockstep { TraceConfig::default() } else { TraceConfig::real_time() };
     let length = options.length.seconds(world.dt());
@@ -145,6 +154,8 @@ fn config(world: &World, options: &RunOptions) -> TraceConfig {
         ("step_rate_hz".into(), format!("{:?}", scene.rates.step)),
         ("factor_rate_hz".into(), format!("{:?}", scene.rates.factor)),
         ("tick_rate_hz".into(), format!("{:?}", scene.rates.tick)),
+        // What hardware says of itself is not in the scene. Numbers and names can be written as TOML.
+        (DEVICE_RECORD.into(), toml::to_string(device).unwrap_or_default()),
     ]);
     let scene_file =
         Attachment { name: SCENE.into(), media_type: "application/toml".into(), data: world.scene().text().into() };
