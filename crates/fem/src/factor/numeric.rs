@@ -3,12 +3,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
-use faer::sparse::SparseColMatRef;
 use faer::sparse::linalg::cholesky::supernodal;
-use faer::{Par, Spec};
 
+use super::multifrontal::{self, Fault};
 use super::symbolic::SymbolicFactor;
 use crate::sparse::SystemMatrix;
 
@@ -54,8 +51,8 @@ pub struct FactorReport {
 pub struct Factor {
     symbolic: Arc<SymbolicFactor>,
     values: Vec<f64>,
-    lower: Vec<f64>,
-    memory: MemBuffer,
+    /// Update matrices of the fronts; scratch.
+    updates: Vec<f64>,
     /// Zero while there is no valid factor.
     revision: u64,
 }
@@ -65,7 +62,6 @@ impl Clone for Factor {
     fn clone(&self) -> Self {
         let mut copy = Self::new(Arc::clone(&self.symbolic));
         copy.values.copy_from_slice(&self.values);
-        copy.lower.copy_from_slice(&self.lower);
         copy.revision = self.revision;
         copy
     }
@@ -74,15 +70,9 @@ impl Clone for Factor {
 impl Factor {
     /// Memory for a factor; invalid until the first [`Self::refactor`] succeeds.
     pub fn new(symbolic: Arc<SymbolicFactor>) -> Self {
-        let memory = MemBuffer::new(supernodal::factorize_supernodal_numeric_llt_scratch::<u32, f64>(
-            symbolic.supernodes(),
-            Par::Seq,
-            Spec::default(),
-        ));
         Self {
             values: vec![0.0; symbolic.stored_values()],
-            lower: vec![0.0; symbolic.lower().row_idx().len()],
-            memory,
+            updates: vec![0.0; symbolic.arena().len()],
             symbolic,
             revision: 0,
         }
@@ -114,31 +104,18 @@ impl Factor {
             return failed(FactorStatus::OtherPattern);
         }
         self.revision = 0;
-        if !self.symbolic.gather_lower(a, &mut self.lower) {
-            let node = self.symbolic.first_non_finite(a).unwrap_or(0);
-            return failed(FactorStatus::NonFinite { node });
-        }
-        let outcome = supernodal::factorize_supernodal_numeric_llt(
-            &mut self.values,
-            SparseColMatRef::new(self.symbolic.lower(), &self.lower),
-            LltRegularization::default(),
-            self.symbolic.supernodes(),
-            Par::Seq,
-            MemStack::new(&mut self.memory),
-            Spec::default(),
-        );
-        if let Err(LltError::NonPositivePivot { index }) = outcome {
-            return failed(self.not_positive_at(index));
+        let factored = multifrontal::factor(&self.symbolic, a, &mut self.values, &mut self.updates);
+        if let Err(fault) = factored {
+            return failed(match (self.symbolic.first_non_finite(a), fault) {
+                (Some(node), _) => FactorStatus::NonFinite { node },
+                (None, Fault::Pivot(row)) => self.symbolic.not_positive_at(row),
+                (None, Fault::NonFinite) => FactorStatus::NonFinite { node: 0 },
+            });
         }
         // a non-finite entry in row i of L would have made pivot i fail, so L is finite here
         let (smallest, largest) = self.pivot_range();
         self.revision = 1 + REVISIONS.fetch_add(1, Ordering::Relaxed);
         FactorReport { status: FactorStatus::Ok, smallest_pivot: smallest, largest_pivot: largest }
-    }
-
-    fn not_positive_at(&self, permuted_row: usize) -> FactorStatus {
-        let node = self.symbolic.ordering().old_of_new.get(permuted_row / 3).copied().unwrap_or(0);
-        FactorStatus::NotPositiveDefinite { node, component: (permuted_row % 3) as u8 }
     }
 
     /// Smallest and largest squared diagonal entry of `L`.
@@ -154,6 +131,11 @@ impl Factor {
             }
         }
         (smallest, largest)
+    }
+
+    /// Stored values of `L`, supernode by supernode.
+    pub(super) fn values(&self) -> &[f64] {
+        &self.values
     }
 
     pub(super) fn llt(&self) -> supernodal::SupernodalLltRef<'_, u32, f64> {
