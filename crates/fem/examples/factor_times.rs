@@ -104,6 +104,28 @@ fn run(alone: bool) {
         });
 
         let mut random = Random(3);
+        {
+            let mut ws = SolveWorkspace::with_columns(&symbolic, 2);
+            let mut x = random.vector(3 * n);
+            let double = clock.time(|| {
+                let _ = factor.solve(&mut x, &mut ws);
+            });
+            let mut rounded = Factor::with_single_precision_copy(symbolic.clone());
+            rounded.refactor(&a);
+            let single = clock.time(|| {
+                let _ = rounded.precondition(&mut x, &mut ws);
+            });
+            let mut y = x.clone();
+            let faer = clock.time(|| {
+                let _ = factor.solve_columns(&mut y, &mut ws);
+            });
+            if std::env::var("ONLY").is_ok() {
+                println!(
+                    "{n} faer {left_looking:.1} own {factorisation:.1} solve: faer {faer:.2} own {double:.2} single {single:.2}"
+                );
+                continue;
+            }
+        }
         let full: Vec<f64> = [1, 30, 90]
             .iter()
             .map(|&columns| {

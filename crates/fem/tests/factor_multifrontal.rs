@@ -5,9 +5,12 @@ mod factor_bodies;
 
 use std::sync::Arc;
 
-use factor_bodies::{Body, Random};
+use factor_bodies::{Body, Random, relative_difference};
+use nalgebra::Matrix3;
 use palpate_fem::factor::{Factor, FactorStatus, LeftLookingFactor, SolveWorkspace, SymbolicFactor};
 use palpate_fem::ordering::{NodeOrdering, approximate_minimum_degree, plane_dissection};
+use palpate_fem::pcg::{PcgConfig, PcgStatus, PcgWorkspace, pcg};
+use palpate_fem::preconditioner::WarpedPreconditioner;
 
 fn shuffled(nodes: usize, seed: u64) -> NodeOrdering {
     let mut random = Random(seed);
@@ -88,4 +91,52 @@ fn same_bits_for_any_number_of_threads() {
     for threads in [1, 2, 4] {
         assert_eq!(bits(Some(threads)), outside, "{threads} threads");
     }
+}
+
+#[test]
+fn a_copy_in_single_precision_costs_no_iterations() {
+    // stiffness ratio 10 within the body; the factor is of a matrix with other stiffnesses
+    let body = Body::block([10, 9, 9], 11);
+    let (old, new) = (body.system(12), body.system(13));
+    let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
+    let b = Random(14).vector(3 * body.free_nodes());
+    let rotations = vec![Matrix3::identity(); body.free_nodes()];
+    let mut workspace = SolveWorkspace::new(&symbolic);
+    let mut solve = |mut factor: Factor| {
+        assert_eq!(factor.refactor(&old).status, FactorStatus::Ok);
+        let mut x = vec![0.0; b.len()];
+        let mut direct = b.clone();
+        assert!(factor.precondition(&mut direct, &mut workspace).is_ok());
+        let mut preconditioner =
+            WarpedPreconditioner { factor: &factor, rotations: &rotations, workspace: &mut workspace };
+        let config = PcgConfig { relative_tolerance: 1e-9, max_iterations: 200 };
+        let report = pcg(&new, &b, &mut x, &mut preconditioner, config, &mut PcgWorkspace::new(body.free_nodes()));
+        assert_eq!(report.status, PcgStatus::Converged);
+        (report.iterations, x, direct)
+    };
+    let (double, x, exact) = solve(Factor::new(symbolic.clone()));
+    let (single, y, rounded) = solve(Factor::with_single_precision_copy(symbolic.clone()));
+    assert!(double > 5, "{double} iterations: the two matrices are too alike");
+    assert!(single.abs_diff(double) <= 1, "{single} iterations instead of {double}");
+    // residuals of 1e-9 times the condition of A, some 1e3
+    assert!(relative_difference(&y, &x) < 1e-6);
+    // rounding 6e-8 times the same; and it is the copy that was used
+    let difference = relative_difference(&rounded, &exact);
+    assert!((1e-10..1e-4).contains(&difference), "{difference:e}");
+}
+
+#[test]
+fn a_copy_that_would_overflow_is_not_used() {
+    let body = Body::block([3, 3, 3], 15);
+    let mut a = body.system(16);
+    a.blocks.iter_mut().for_each(|block| *block *= 1e90);
+    let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
+    let mut factor = Factor::with_single_precision_copy(symbolic.clone());
+    assert_eq!(factor.refactor(&a).status, FactorStatus::Ok);
+    let b = Random(17).vector(3 * body.free_nodes());
+    let (mut x, mut y) = (b.clone(), b);
+    let mut workspace = SolveWorkspace::new(&symbolic);
+    assert!(factor.solve(&mut x, &mut workspace).is_ok());
+    assert!(factor.precondition(&mut y, &mut workspace).is_ok());
+    assert_eq!(x, y);
 }

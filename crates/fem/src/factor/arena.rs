@@ -29,7 +29,8 @@ pub(super) struct Arena {
 impl Arena {
     pub(super) fn new(tree: &SupernodeTree) -> Self {
         let count = tree.len();
-        let mut arena = Self { update: vec![0..0; count], region: vec![0..0; count], split: vec![false; count], len: 0 };
+        let mut arena =
+            Self { update: vec![0..0; count], region: vec![0..0; count], split: vec![false; count], len: 0 };
         let mut depth = vec![0u32; count];
         for s in (0..count).rev() {
             let values = tree.value_start(s + 1) - tree.value_start(tree.first(s));
@@ -72,8 +73,7 @@ impl Arena {
         let mut kept = 0;
         for &c in tree.children(s) {
             let c = c as usize;
-            self.region[c] =
-                if low { end - kept - need[c]..end - kept } else { start + kept..start + kept + need[c] };
+            self.region[c] = if low { end - kept - need[c]..end - kept } else { start + kept..start + kept + need[c] };
             kept += if self.split[s] { need[c] } else { square(c) };
         }
     }

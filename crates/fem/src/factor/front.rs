@@ -14,8 +14,8 @@ use std::ops::Range;
 
 use faer::dyn_stack::MemStack;
 use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization, cholesky_in_place};
-use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::matmul::matmul;
+use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::prelude::{Reborrow, ReborrowMut};
 use faer::{Accum, MatMut, MatRef, Par, Spec};
@@ -105,10 +105,7 @@ impl<'a> FrontColumns<'a> {
             // the left half is the taller one
             let middle = (start + width / 2).next_multiple_of(8).min(end - 8);
             let (left, right) = self.split(middle);
-            join(
-                || left.subtract_product(panel, accum, children),
-                || right.subtract_product(panel, accum, children),
-            );
+            join(|| left.subtract_product(panel, accum, children), || right.subtract_product(panel, accum, children));
             return;
         }
         let top = start - self.first_row;
@@ -165,12 +162,8 @@ pub(super) fn factor_front(
             .map_err(|column| start + column)?;
         if end < width {
             let panel = MatRef::from_column_major_slice(panel, rows, end - start);
-            let rest = FrontColumns {
-                values: &mut rest[..(width - end) * rows],
-                rows,
-                first_row: 0,
-                columns: end..width,
-            };
+            let rest =
+                FrontColumns { values: &mut rest[..(width - end) * rows], rows, first_row: 0, columns: end..width };
             rest.subtract_product(panel, Accum::Add, None);
         }
     }

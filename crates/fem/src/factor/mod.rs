@@ -12,6 +12,7 @@
 //! reported, not factored.
 
 mod arena;
+mod column_kernels;
 mod front;
 mod gram;
 mod left_looking;
@@ -20,6 +21,7 @@ mod numeric;
 mod permuted_blocks;
 pub mod reach;
 mod solve;
+mod substitution;
 mod supernodal_tree;
 mod symbolic;
 mod workers;

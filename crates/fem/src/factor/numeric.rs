@@ -7,10 +7,17 @@ use faer::sparse::linalg::cholesky::supernodal;
 
 use super::multifrontal::{self, Fault};
 use super::symbolic::SymbolicFactor;
+use super::workers::join;
 use crate::sparse::SystemMatrix;
 
 /// Numbers every successful refactorisation in the process, so that half solves are never paired with another factor.
 static REVISIONS: AtomicU64 = AtomicU64::new(0);
+
+/// Squares of pivots (unit of `A`) that single precision holds with room to spare: its numbers reach from 1e-38 to 3e38.
+const SOUND: std::ops::RangeInclusive<f64> = 1e-40..=1e40;
+
+/// Numbers that are rounded in one piece.
+const ROUND_AT_ONCE: usize = 1 << 18;
 
 /// How a refactorisation ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +58,10 @@ pub struct FactorReport {
 pub struct Factor {
     symbolic: Arc<SymbolicFactor>,
     values: Vec<f64>,
+    /// `L` in single precision, where a copy is kept.
+    single: Option<Vec<f32>>,
+    /// Whether the numbers of this factor lie well within its range.
+    single_is_sound: bool,
     /// Update matrices of the fronts; scratch.
     updates: Vec<f64>,
     /// Zero while there is no valid factor.
@@ -63,6 +74,8 @@ impl Clone for Factor {
         let mut copy = Self::new(Arc::clone(&self.symbolic));
         copy.values.copy_from_slice(&self.values);
         copy.revision = self.revision;
+        copy.single.clone_from(&self.single);
+        copy.single_is_sound = self.single_is_sound;
         copy
     }
 }
@@ -74,8 +87,16 @@ impl Factor {
             values: vec![0.0; symbolic.stored_values()],
             updates: vec![0.0; symbolic.arena().len()],
             symbolic,
+            single: None,
+            single_is_sound: false,
             revision: 0,
         }
+    }
+
+    /// The same, and every refactorisation leaves a copy of `L` in single precision for [`Self::precondition`].
+    pub fn with_single_precision_copy(symbolic: Arc<SymbolicFactor>) -> Self {
+        let single = Some(vec![0.0; symbolic.stored_values()]);
+        Self { single, ..Self::new(symbolic) }
     }
 
     /// The shared symbolic part.
@@ -114,6 +135,11 @@ impl Factor {
         }
         // a non-finite entry in row i of L would have made pivot i fail, so L is finite here
         let (smallest, largest) = self.pivot_range();
+        if let Some(single) = &mut self.single {
+            round(&self.values, single);
+            // no entry of L is larger than the root of the largest diagonal entry of A, of which pivots tell the order
+            self.single_is_sound = SOUND.contains(&smallest) && SOUND.contains(&largest);
+        }
         self.revision = 1 + REVISIONS.fetch_add(1, Ordering::Relaxed);
         FactorReport { status: FactorStatus::Ok, smallest_pivot: smallest, largest_pivot: largest }
     }
@@ -133,6 +159,11 @@ impl Factor {
         (smallest, largest)
     }
 
+    /// The copy in single precision, if there is a sound one.
+    pub(super) fn single(&self) -> Option<&[f32]> {
+        self.single.as_deref().filter(|_| self.single_is_sound)
+    }
+
     /// Stored values of `L`, supernode by supernode.
     pub(super) fn values(&self) -> &[f64] {
         &self.values
@@ -140,5 +171,15 @@ impl Factor {
 
     pub(super) fn llt(&self) -> supernodal::SupernodalLltRef<'_, u32, f64> {
         supernodal::SupernodalLltRef::new(self.symbolic.supernodes(), &self.values)
+    }
+}
+
+fn round(values: &[f64], single: &mut [f32]) {
+    if values.len() > ROUND_AT_ONCE {
+        let half = values.len() / 2;
+        let (low, high) = single.split_at_mut(half);
+        join(|| round(&values[..half], low), || round(&values[half..], high));
+    } else {
+        single.iter_mut().zip(values).for_each(|(single, value)| *single = *value as f32);
     }
 }

@@ -6,15 +6,15 @@
 //! that they reach: since subtrees are contiguous in elimination order, the rows that have reached a supernode then
 //! lie close together, and only the range from the first to the last of them is computed there.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::prelude::{Reborrow, ReborrowMut};
-use faer::{Accum, Conj, MatMut, Par};
+use faer::{Accum, MatMut, Par};
 use nalgebra::DMatrixViewMut;
 
 use super::numeric::Factor;
 use super::solve::{SolveStatus, permute_back};
+use super::substitution;
 use super::symbolic::SymbolicFactor;
 use crate::nodal_rows::NodalRows;
 use crate::ordering::NO_PARENT;
@@ -72,7 +72,8 @@ pub struct ReachWorkspace {
     place: Vec<u32>,
     lambda: Vec<f64>,
     permuted: Vec<f64>,
-    memory: MemBuffer,
+    /// Rows below each front, for the correction.
+    below: Vec<f64>,
     widest_pattern: usize,
     pub(super) rows: usize,
     pub(super) columns: usize,
@@ -105,7 +106,7 @@ impl ReachWorkspace {
             place: vec![0; max_rows],
             lambda: vec![0.0; max_rows],
             permuted: vec![0.0; n],
-            memory: MemBuffer::new(symbolic.supernodes().solve_in_place_scratch::<f64>(1, Par::Seq)),
+            below: vec![0.0; symbolic.rows_below()],
             widest_pattern,
             rows: 0,
             columns: 0,
@@ -302,13 +303,7 @@ impl Factor {
                 workspace.permuted[dof] = half.iter().zip(&workspace.lambda[from..to]).map(|(y, l)| y * l).sum();
             }
         }
-        let n = workspace.permuted.len();
-        self.llt().l_transpose_solve_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(&mut workspace.permuted, n, 1),
-            Par::Seq,
-            MemStack::new(&mut workspace.memory),
-        );
+        substitution::backward(self.symbolic(), self.values(), &mut workspace.permuted, &mut workspace.below);
         permute_back(&self.symbolic().ordering().old_of_new, &workspace.permuted, x);
         SolveStatus::Ok
     }

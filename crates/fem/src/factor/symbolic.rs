@@ -179,6 +179,11 @@ impl SymbolicFactor {
         &self.supernodes
     }
 
+    /// Rows below the own block of every supernode, all together.
+    pub(super) fn rows_below(&self) -> usize {
+        self.tree.pattern_start(self.tree.len())
+    }
+
     pub(super) fn arena(&self) -> &Arena {
         &self.arena
     }

@@ -39,11 +39,7 @@ pub(super) struct Splitter<'a> {
 }
 
 impl<'a> Splitter<'a> {
-    pub(super) fn new(
-        pattern: &'a BlockPattern,
-        positions: &'a [Vector3<f64>],
-        bands: &'static [(f64, f64)],
-    ) -> Self {
+    pub(super) fn new(pattern: &'a BlockPattern, positions: &'a [Vector3<f64>], bands: &'static [(f64, f64)]) -> Self {
         let n = pattern.rows();
         Self { pattern, positions, bands, side: vec![OUTSIDE; n], local: vec![0; n] }
     }

@@ -52,7 +52,7 @@ pub(super) fn free_motion(
     }
     let config = PcgConfig { relative_tolerance: body.tolerance, max_iterations: body.max_iterations };
     ws.v_free.fill(0.0);
-    let own = ws.own.as_ref().filter(|_| ws.own_is_current);
+    let own = ws.own.as_ref().filter(|_| ws.own_is_current).or(plan.constant.then_some(&factor.factor));
     let mut preconditioner = StepPreconditioner::new(own, factor, &ws.rotations, &mut ws.solve);
     report.free_motion = pcg(&ws.fem.system, &ws.fem.rhs, &mut ws.v_free, &mut preconditioner, config, &mut ws.pcg);
     for (dv, &node) in ws.v_free.chunks_exact_mut(3).zip(world.model().node_of_free()) {
