@@ -82,6 +82,7 @@ fn run(alone: bool) {
         ("slab", [19, 15, 3]),
         ("cube", [13, 13, 15]),
         ("slab", [23, 19, 6]),
+        ("slab", [23, 19, 9]),
         ("cube", [19, 19, 20]),
         ("slab", [44, 35, 5]),
     ] {
@@ -104,7 +105,20 @@ fn run(alone: bool) {
         });
 
         let mut random = Random(3);
-        {
+        if std::env::var("ONLY").is_ok() {
+            for contacts in [10, 30, 100, 480] {
+                let rows = body.scattered_contact_rows(contacts, 4);
+                let near = body.contact_rows(contacts, 4);
+                let mut ws = ReachWorkspace::new(&symbolic, 3 * contacts);
+                let mut w = DMatrix::zeros(3 * contacts, 3 * contacts);
+                let t = clock.time(|| {
+                    let _ = factor.compliance_into(&rows, 1.0, &mut w, &mut ws);
+                });
+                let t_near = clock.time(|| {
+                    let _ = factor.compliance_into(&near, 1.0, &mut w, &mut ws);
+                });
+                print!("W {}: {t:.2} {t_near:.2}  ", 3 * contacts);
+            }
             let mut ws = SolveWorkspace::with_columns(&symbolic, 2);
             let mut x = random.vector(3 * n);
             let double = clock.time(|| {

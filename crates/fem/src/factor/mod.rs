@@ -15,6 +15,7 @@ mod arena;
 mod column_kernels;
 mod front;
 mod gram;
+mod half_block;
 mod left_looking;
 mod multifrontal;
 mod numeric;
