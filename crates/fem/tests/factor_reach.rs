@@ -126,7 +126,7 @@ fn half_solves_are_not_mixed_with_another_factor() {
 /// More rows than one block holds, near each other and far apart.
 #[test]
 fn many_rows_are_exact_and_have_the_same_bits_on_any_number_of_threads() {
-    let body = Body::block([9, 8, 7], 1);
+    let body = Body::block([6, 6, 5], 1);
     let a = body.system(2);
     let factor = factored(&body, &a);
     let inverse = dense(&a).cholesky().unwrap().inverse();

@@ -8,8 +8,15 @@ use std::ops::Range;
 
 use super::supernodal_tree::SupernodeTree;
 
-/// A subtree with more stored values than this is split into tasks: some tens of microseconds of work for a solve.
+/// A subtree with more stored values than this is split into tasks of a factorisation: a millisecond of work.
 const TASK_VALUES: usize = 100_000;
+
+/// The same for a solve, which is much shorter and comes many times a step: where another thread takes a core away, as
+/// the factor thread does, each task may have to wait for it.
+const SOLVE_TASK_VALUES: usize = 300_000;
+
+/// Nor are there more of them than these shares of all values.
+const SOLVE_TASKS: usize = 6;
 
 /// Generations that are split at most; deeper ones are walked in sequence. Bounds the depth of the recursion.
 const TASK_DEPTH: u32 = 24;
@@ -23,18 +30,23 @@ pub(super) struct Arena {
     region: Vec<Range<usize>>,
     /// Whether the children of a supernode are tasks.
     split: Vec<bool>,
+    /// The same for a solve.
+    split_solve: Vec<bool>,
     len: usize,
 }
 
 impl Arena {
     pub(super) fn new(tree: &SupernodeTree) -> Self {
         let count = tree.len();
-        let mut arena =
-            Self { update: vec![0..0; count], region: vec![0..0; count], split: vec![false; count], len: 0 };
+        let none = vec![0..0; count];
+        let (split, split_solve) = (vec![false; count], vec![false; count]);
+        let mut arena = Self { update: none.clone(), region: none, split, split_solve, len: 0 };
+        let solve_values = SOLVE_TASK_VALUES.max(tree.value_start(count) / SOLVE_TASKS);
         let mut depth = vec![0u32; count];
         for s in (0..count).rev() {
             let values = tree.value_start(s + 1) - tree.value_start(tree.first(s));
             arena.split[s] = values > TASK_VALUES && depth[s] < TASK_DEPTH;
+            arena.split_solve[s] = arena.split[s] && values > solve_values;
             tree.children(s).iter().for_each(|&c| depth[c as usize] = depth[s] + 1);
         }
         let mut need = vec![0; count];
@@ -93,5 +105,10 @@ impl Arena {
     /// Whether the children of `s` are tasks that may run side by side.
     pub(super) fn is_split(&self, s: usize) -> bool {
         self.split[s]
+    }
+
+    /// The same for the tasks of a solve.
+    pub(super) fn is_split_for_solve(&self, s: usize) -> bool {
+        self.split_solve[s]
     }
 }

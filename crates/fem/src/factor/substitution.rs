@@ -17,10 +17,10 @@ use super::symbolic::SymbolicFactor;
 use super::workers::join;
 
 /// Columns that are eliminated at once.
-const PANEL: usize = 128;
+const PANEL: usize = 256;
 
-/// Numbers of `L` in a product above which it is cut in two: some tens of microseconds.
-const TASK_NUMBERS: usize = 80_000;
+/// Numbers of `L` in a product above which it is cut in two: a tenth of a millisecond.
+const TASK_NUMBERS: usize = 300_000;
 
 /// What a walk reads.
 struct Walk<'a, T> {
@@ -88,7 +88,7 @@ impl<T: Stored> Walk<'_, T> {
 
     fn forward_subtree(&self, s: usize, mut part: Part<'_>) {
         let tree = self.symbolic.tree();
-        if self.symbolic.arena().is_split(s) {
+        if self.symbolic.arena().is_split_for_solve(s) {
             self.forward_siblings(tree.children(s), part.reborrow());
             self.forward_front(s, &mut part);
         } else {
@@ -135,7 +135,7 @@ impl<T: Stored> Walk<'_, T> {
 
     fn backward_subtree(&self, s: usize, mut part: Part<'_>) {
         let tree = self.symbolic.tree();
-        if self.symbolic.arena().is_split(s) {
+        if self.symbolic.arena().is_split_for_solve(s) {
             self.backward_front(s, &mut part);
             self.backward_siblings(tree.children(s), part);
         } else {
