@@ -212,9 +212,15 @@ pub(super) fn solve(
         state.warm_start.fetch(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), WARM_START_RADIUS, lambda);
         report.solve = ws.solver.solve(&ws.problem.view(), lambda, &mut ws.solver_workspace);
     }
-    let lambda = &ws.lambda[..m];
+    take_forces(state, ws, report);
+}
+
+/// Remembers the forces for the next step, and reports their sum.
+pub(super) fn take_forces(state: &mut StepState, ws: &StepWorkspace, report: &mut StepReport) {
+    let lambda = &ws.lambda[..ws.rows.len()];
     state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), lambda);
 
+    (report.active, report.indentation) = (0, 0.0);
     let wrench = ws.rows.wrench(lambda);
     (report.force, report.torque) = (wrench.force, wrench.torque);
     let mut friction = Vector3::zeros();

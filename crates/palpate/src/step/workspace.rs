@@ -20,6 +20,7 @@ use palpate_solver::solver::{Solver, SolverWorkspace};
 use std::sync::Arc;
 
 use super::direct::DirectStage;
+use super::refinement::RefinementWorkspace;
 use crate::world::{Integration, World};
 
 /// Rows of a contact with friction.
@@ -168,6 +169,8 @@ pub struct StepWorkspace {
     pub(super) sample: Vec<f64>,
     /// The unit force whose column is compared.
     pub(super) lambda_of_sample: Vec<f64>,
+    /// What a second solve for the forces starts from.
+    pub(super) refinement: RefinementWorkspace,
     /// Newton's method, where it integrates.
     pub(super) newton: Option<NewtonStage>,
     /// Central differences, where they integrate.
@@ -244,6 +247,7 @@ impl StepWorkspace {
             load: vec![0.0; 3 * free],
             sample: vec![0.0; 3 * free],
             lambda_of_sample: vec![0.0; rows],
+            refinement: RefinementWorkspace::new(rows, 3 * free),
             size: world.mesh().bounding_box().diagonal(),
         }
     }
