@@ -1,8 +1,8 @@
 //! The bundled palpation (frictional, hyperelastic) by size of the organ: what a step costs, what it is made of, how far
 //! its force is from that of exact steps, and the largest organ that a step at 30 Hz has time for.
 //!
-//! `cargo bench --bench organ_size [-- NODES...]`: about as many nodes; without, 1,000 to 8,000. The factor is ten steps
-//! a second old, made by the caller between steps as the factor thread makes it beside them. Times are those of the
+//! `cargo bench --bench organ_size [-- NODES...]`: about as many nodes; without, 1,000 to 8,000. The factor is made ten
+//! times a second by the caller between steps as the factor thread makes it beside them. Times are those of the
 //! processor on one thread, which other work on the machine disturbs least.
 
 #![allow(clippy::print_stdout)]
@@ -149,7 +149,7 @@ fn main() {
         (true, false) => (named, usize::MAX),
     };
     println!(
-        "step (cpu ms)             | share of the step (%)         | iterations          | force error %% | factor"
+        "step (cpu ms)             | share of the step (%)         | iterations          | force error %   | factor"
     );
     println!(
         " nodes    median     p99 | assem  free     W  corr other | free  max corr  max | median    max | predicted ms"

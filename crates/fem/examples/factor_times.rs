@@ -4,7 +4,8 @@
 //! `ratio 90`: 90 full solves at once against `W 90`; `pcg`: one iteration, which is two products and a solve.
 //!
 //! `cargo run --release -p palpate-fem --example factor_times [repetitions] [least]`; with `least`, the least times instead, which a
-//! busy machine disturbs less. On as many threads as `RAYON_NUM_THREADS` says, or two.
+//! busy machine disturbs less. With the environment variable `ONLY`, instead of all that one line per body: `W` of 30 to 1,440
+//! rows, scattered and in a patch, factorisations and single solves by faer, in double and in single precision. On as many threads as `RAYON_NUM_THREADS` says, or two.
 #![allow(clippy::print_stdout)]
 
 use std::sync::Arc;
