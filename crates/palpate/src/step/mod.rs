@@ -28,6 +28,7 @@ mod lagrange;
 mod newton;
 mod penalty;
 mod preconditioner;
+mod refinement;
 mod report;
 mod stages;
 mod workspace;

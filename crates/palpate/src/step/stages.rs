@@ -52,7 +52,7 @@ pub(super) fn free_motion(
     }
     let config = PcgConfig { relative_tolerance: body.tolerance, max_iterations: body.max_iterations };
     ws.v_free.fill(0.0);
-    let own = ws.own.as_ref().filter(|_| ws.own_is_current);
+    let own = ws.own.as_ref().filter(|_| ws.own_is_current).or(plan.constant.then_some(&factor.factor));
     let mut preconditioner = StepPreconditioner::new(own, factor, &ws.rotations, &mut ws.solve);
     report.free_motion = pcg(&ws.fem.system, &ws.fem.rhs, &mut ws.v_free, &mut preconditioner, config, &mut ws.pcg);
     for (dv, &node) in ws.v_free.chunks_exact_mut(3).zip(world.model().node_of_free()) {
@@ -228,12 +228,19 @@ pub(super) fn solve(
             (report.attempts, report.solver) = (attempts, solver);
         }
     }
-    let lambda = &ws.lambda[..m];
     if let Some(files) = ws.problem_files.as_mut().filter(|_| solved) {
-        files.save(report.step, &ws.problem, lambda);
+        files.save(report.step, &ws.problem, &ws.lambda[..m]);
     }
+    }
+    take_forces(state, ws, report);
+}
+
+/// Remembers the forces for the next step, and reports their sum.
+pub(super) fn take_forces(state: &mut StepState, ws: &StepWorkspace, report: &mut StepReport) {
+    let lambda = &ws.lambda[..ws.rows.len()];
     state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), lambda);
 
+    (report.active, report.indentation) = (0, 0.0);
     let wrench = ws.rows.wrench(lambda);
     (report.force, report.torque) = (wrench.force, wrench.torque);
     let mut friction = Vector3::zeros();

@@ -22,6 +22,7 @@ use std::sync::Arc;
 
 use super::direct::DirectStage;
 use crate::problem_files::ProblemFiles;
+use super::refinement::RefinementWorkspace;
 use crate::world::{Integration, World};
 
 /// Rows of a contact with friction.
@@ -170,6 +171,8 @@ pub struct StepWorkspace {
     pub(super) sample: Vec<f64>,
     /// The unit force whose column is compared.
     pub(super) lambda_of_sample: Vec<f64>,
+    /// What a second solve for the forces starts from.
+    pub(super) refinement: RefinementWorkspace,
     /// Newton's method, where it integrates.
     pub(super) newton: Option<NewtonStage>,
     /// Central differences, where they integrate.
@@ -255,6 +258,7 @@ impl StepWorkspace {
             sample: vec![0.0; 3 * free],
             lambda_of_sample: vec![0.0; rows],
             rescue: super::guard::rescue(world),
+            refinement: RefinementWorkspace::new(rows, 3 * free),
             size: world.mesh().bounding_box().diagonal(),
             problem_files: None,
         }
