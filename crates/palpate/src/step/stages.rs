@@ -3,9 +3,10 @@
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use palpate_collision::contact::Contact;
 use palpate_collision::detection::detect;
-use palpate_constraints::compliance::{self, ComplianceMethod, WarpedInverse};
-use palpate_constraints::law::{Coulomb, Law, Signorini};
-use palpate_constraints::rows::{RowInput, ToolMotion, build_fixed_rows, build_rows};
+use palpate_constraints::body::{self, RigidBodies, SoftBody};
+use palpate_constraints::compliance::{ComplianceMethod, WarpedInverse};
+use palpate_constraints::law::Law;
+use palpate_constraints::rows::{Counterpart, RowInput, ToolMotion, build_fixed_rows, build_rows};
 use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::integrator::backward_euler::factor_end;
 use palpate_fem::integrator::explicit::explicit_velocity;
@@ -13,6 +14,7 @@ use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
 use palpate_fem::rotation::nodal_rotations;
 use palpate_solver::report::{SolveReport, SolveStatus};
 
+use super::bodies;
 use super::direct::direct_contact;
 use super::preconditioner::StepPreconditioner;
 use super::workspace::NewtonStage;
@@ -72,7 +74,7 @@ pub(super) fn explicit_motion(world: &World, state: &StepState, ws: &mut StepWor
     }
 }
 
-/// Contacts of the tool with the skin at the begin of the step.
+/// Contacts of the skin with the tool and of all other pairs of bodies, at the begin of the step.
 pub(super) fn detection(
     world: &World,
     tool: &Isometry3<f64>,
@@ -90,6 +92,7 @@ pub(super) fn detection(
         &mut ws.detection,
         &mut state.contacts,
     );
+    bodies::detection(world, tool, state, ws, report);
 }
 
 /// Rows `H` and `delta_free`, and the law of each contact.
@@ -101,30 +104,30 @@ pub(super) fn rows(
     report: &mut StepReport,
 ) {
     let friction = world.description().contact.friction;
+    let motion = state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::between(&before, tool));
     let input = RowInput {
         free_of_node: world.model().free_of_node(),
         v_free: &ws.v_free,
         dt: ws.dt,
-        tool_reference: tool.translation.vector,
-        tool_motion: state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::between(&before, tool)),
+        counterpart: Counterpart::Tool { reference: tool.translation.vector, motion },
         friction: friction > 0.0,
     };
     report.rows = build_rows(&state.contacts.contacts, &input, &mut ws.rows);
     build_fixed_rows(&state.contacts.contacts, &input, &mut ws.fixed_rows);
-    let law = contact_law(world);
+    report.rows = report.rows.and(bodies::rows(world, tool, motion, state, ws));
     // As many rows as the capacity was made for: the reset cannot fail, and an empty problem is a safe one if it did.
     if ws.problem.reset(ws.rows.len()).is_err() {
         ws.rows.clear();
+        ws.rigid.clear_blocks();
         return;
     }
-    ws.rows.blocks.iter().for_each(|_| ws.problem.push_block(law));
+    bodies::push_laws(world, contact_law(world), ws);
     ws.problem.delta_free_mut().copy_from_slice(&ws.rows.delta_free);
 }
 
 /// The law of a contact with the tool.
 pub(super) fn contact_law(world: &World) -> Law {
-    let friction = world.description().contact.friction;
-    if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() }
+    bodies::law(world.description().contact.friction)
 }
 
 /// `W = h² H A⁻¹ Hᵀ` from the latest factor, warped by the rotations since it was taken, from this step's own, or from the
@@ -153,17 +156,20 @@ pub(super) fn compliance(
         report.refused = !newton.factored;
     }
     let w = ws.problem.compliance_mut();
+    let correction = &mut ws.correction;
+    let mut rigid = RigidBodies { inverse: &ws.rigid.inverse, correction: &mut ws.rigid.correction };
     report.compliance = match &mut ws.explicit {
         Some(explicit) => {
             let inverse = WarpedInverse { inverse: &explicit.inverse, rotations: None };
-            compliance::assemble(inverse, &ws.rows.tissue, ws.dt, w, &mut explicit.compliance)
+            let mut soft = SoftBody { inverse, workspace: &mut explicit.compliance, correction };
+            body::assemble(&mut [&mut soft, &mut rigid], &ws.rows, ws.dt, w)
         }
         None => {
             let own = ws.own.as_ref().filter(|_| ws.own_is_current);
             let inverse = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
             report.method = inverse.1;
-            let inverse = inverse.0;
-            compliance::assemble(inverse, &ws.rows.tissue, ws.dt, w, &mut ws.compliance)
+            let mut soft = SoftBody { inverse: inverse.0, workspace: &mut ws.compliance, correction };
+            body::assemble(&mut [&mut soft, &mut rigid], &ws.rows, ws.dt, w)
         }
     };
 }
@@ -209,16 +215,20 @@ pub(super) fn solve(
         direct_contact(world, input, state, ws, report);
     } else if m > 0 {
         let lambda = &mut ws.lambda[..m];
-        state.warm_start.fetch(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), WARM_START_RADIUS, lambda);
+        let of_tool = 0..ws.rigid.tool_blocks;
+        state.warm_start.fetch(&state.contacts.contacts, &ws.rows, of_tool, WARM_START_RADIUS, lambda);
+        bodies::fetch(state, ws, WARM_START_RADIUS);
+        let lambda = &mut ws.lambda[..m];
         report.solve = ws.solver.solve(&ws.problem.view(), lambda, &mut ws.solver_workspace);
     }
+    bodies::store(state, ws, report);
     let lambda = &ws.lambda[..m];
-    state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), lambda);
+    state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rigid.tool_blocks, lambda);
 
     let wrench = ws.rows.wrench(lambda);
     (report.force, report.torque) = (wrench.force, wrench.torque);
     let mut friction = Vector3::zeros();
-    for (block, frame) in ws.rows.blocks.iter().zip(&ws.rows.frames) {
+    for (block, frame) in ws.rows.blocks.iter().zip(&ws.rows.frames).take(ws.rigid.tool_blocks) {
         let Some(force) = lambda.get(block.range()) else { continue };
         if force[0] <= 0.0 {
             continue;
