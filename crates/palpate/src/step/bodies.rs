@@ -62,11 +62,14 @@ pub struct BodiesReport {
     pub non_finite: u32,
     /// Least gap at the begin of the step (m); infinite without contacts.
     pub deepest_gap: f64,
+    /// Digest of where the rigid bodies are at the end of the step, to the bit; 0 without them.
+    pub digest: u64,
 }
 
 impl BodiesReport {
     /// No contact.
-    pub const NONE: Self = Self { contacts: 0, active: 0, dropped: 0, non_finite: 0, deepest_gap: f64::INFINITY };
+    pub const NONE: Self =
+        Self { contacts: 0, active: 0, dropped: 0, non_finite: 0, deepest_gap: f64::INFINITY, digest: 0 };
 }
 
 /// What the contacts of one pair of bodies did in the last step.
@@ -306,6 +309,33 @@ pub(super) fn store(state: &mut StepState, ws: &mut StepWorkspace, report: &mut 
     for (j, l) in lambda.iter().enumerate().skip(of_tool).filter(|(_, l)| **l != 0.0) {
         ws.rigid.tool_delta.iter_mut().zip(view.column(j)).for_each(|(delta, w)| *delta += w * l);
     }
+}
+
+/// Numbers that tell where a rigid body is: origin of its shape (m), its orientation `[x, y, z, w]`, velocity of the centre
+/// of mass (m/s), angular velocity (rad/s).
+pub(crate) type Placement = ([f64; 3], [f64; 4], [f64; 3], [f64; 3]);
+
+/// Where every rigid body is, in the order of the scene.
+pub(crate) fn placements(world: &World, rigid: &[RigidState]) -> impl Iterator<Item = Placement> {
+    world.bodies().rigid.iter().zip(rigid).map(|(body, state)| {
+        let pose = body.shape_pose(state);
+        let rotation = pose.rotation.coords.into();
+        let angular = state.angular_velocity(&body.model);
+        (pose.translation.vector.into(), rotation, state.velocity.into(), angular.into())
+    })
+}
+
+/// The digest of placements (FNV-1a over their bits); 0 where there are none.
+pub(crate) fn digest(placements: impl Iterator<Item = Placement>) -> u64 {
+    let mut hash = 0;
+    for (position, orientation, velocity, angular) in placements {
+        for x in position.iter().chain(&orientation).chain(&velocity).chain(&angular) {
+            for byte in x.to_bits().to_le_bytes() {
+                hash = (hash ^ u64::from(byte) ^ 0xcbf2_9ce4_8422_2325).wrapping_mul(0x0100_0000_01b3);
+            }
+        }
+    }
+    hash
 }
 
 /// Moves the rigid bodies to the end of the step; false where a number is not finite.

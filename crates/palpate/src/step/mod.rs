@@ -46,6 +46,7 @@ use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
 
 pub use bodies::{BodiesReport, PairForce};
+pub(crate) use bodies::{digest, placements};
 pub use report::{ComplianceError, FailedElement, StepReport, StepStatus, StepTimes};
 pub use workspace::{StepState, StepWorkspace};
 
@@ -95,6 +96,7 @@ pub fn step(
             explicit(world, input, *substeps, state, ws, &mut report, &mut clock);
         }
     }
+    report.bodies.digest = digest(placements(world, &state.rigid));
     accuracy::sample_column(world, input.factor, ws, &mut report);
     report.times.sampling = clock.lap();
     accuracy::choose_next(world, state, &report);

@@ -1,11 +1,17 @@
 //! The fixed and rigid bodies of a scene, and which bodies can touch.
 
+use std::fmt;
+
 use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
-use palpate_collision::detection::DetectionConfig;
+use palpate_collision::contact::ContactSet;
+use palpate_collision::detect_solid;
+use palpate_collision::detection::{DetectionConfig, DetectionWorkspace};
 use palpate_collision::solid::Solid;
+use palpate_collision::solid_contact::{Placed, meet};
 use palpate_fem::closed_surface::ClosedSurface;
 use palpate_rigid::{Moments, RigidModel, RigidState};
 
+use super::World;
 use crate::scene::{Scene, SceneError, SceneFile, SolidShape};
 
 /// A body that never moves.
@@ -168,6 +174,90 @@ impl Bodies {
     pub fn contact_capacity(&self) -> usize {
         self.pairs.iter().map(|pair| pair.detection.max_contacts).sum()
     }
+}
+
+impl fmt::Display for Bodies {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let contacts =
+            |friction: f64, most: usize| format!("friction {friction}, at most {most} contacts with another body");
+        for body in &self.fixed {
+            let [x, y, z]: [f64; 3] = body.pose.translation.vector.into();
+            let of_contact = contacts(body.friction, body.max_contacts);
+            writeln!(f, "fixed body {}: {} at [{x}, {y}, {z}] m, {of_contact}", body.name, kind(&body.solid))?;
+        }
+        for body in &self.rigid {
+            let [x, y, z]: [f64; 3] = body.start.pose.translation.vector.into();
+            let moments = body.model.inertia().symmetric_eigenvalues();
+            let of_contact = contacts(body.friction, body.max_contacts);
+            writeln!(
+                f,
+                "rigid body {}: {}, {} kg, moments of inertia {:.3e} {:.3e} {:.3e} kg m², centre of mass at \
+                 [{x:.4}, {y:.4}, {z:.4}] m, {of_contact}",
+                body.name,
+                kind(&body.solid),
+                body.model.mass(),
+                moments.x,
+                moments.y,
+                moments.z,
+            )?;
+        }
+        Ok(())
+    }
+}
+
+fn kind(solid: &Solid) -> String {
+    match solid {
+        Solid::HalfSpace(n) => format!("half-space, normal [{:.4}, {:.4}, {:.4}]", n.x, n.y, n.z),
+        Solid::Mesh(mesh) => format!("mesh of {} triangles", mesh.triangles().len()),
+        Solid::Convex(shape) => match (shape.hull(), shape.axis(&Isometry3::identity())) {
+            (Some(hull), _) => format!("hull of {} vertices", hull.vertices().len()),
+            (None, Some([a, b])) if a != b => {
+                format!("capsule, radius {} m, half length {} m", shape.inner_radius(), 0.5 * (b - a).norm())
+            }
+            _ => format!("sphere, radius {} m", shape.inner_radius()),
+        },
+    }
+}
+
+/// Refuses bodies that begin inside one another by more than the margin: the first step would throw them apart.
+pub(super) fn apart(world: &World) -> Result<(), SceneError> {
+    let bodies = world.bodies();
+    let mut ws = DetectionWorkspace::new(world.geometry());
+    let tool = world.first_pose();
+    let of_rigid = |k: usize| bodies.rigid.get(k).map(|b| (b.name.as_str(), &b.solid, b.shape_pose(&b.start)));
+    for pair in &bodies.pairs {
+        let (far, key) = match pair.far {
+            Far::Tool => {
+                (Some((world.description().tools[0].name.as_str(), world.tool_solid(), tool)), "hand.path.0".into())
+            }
+            Far::Fixed(k) => {
+                let far = bodies.fixed.get(k).map(|b| (b.name.as_str(), &b.solid, b.pose));
+                (far, format!("fixed_body.{k}"))
+            }
+            Far::Rigid(k) => (of_rigid(k), format!("rigid_body.{k}")),
+        };
+        let Some((far_name, far, far_pose)) = far else { continue };
+        let (near_name, gap) = match pair.near {
+            Near::Soft => {
+                let mut found = ContactSet::with_capacity(pair.detection.max_contacts);
+                let q = &world.mesh().nodes;
+                let seen = detect_solid(world.geometry(), q, far, &far_pose, &pair.detection, &mut ws, &mut found);
+                (world.description().bodies[0].name.as_str(), seen.deepest_gap)
+            }
+            Near::Rigid(k) => {
+                let Some((name, near, near_pose)) = of_rigid(k) else { continue };
+                let mut found = Vec::with_capacity(pair.detection.max_contacts);
+                let near = Placed { solid: near, pose: &near_pose };
+                meet(near, Placed { solid: far, pose: &far_pose }, &pair.detection, &mut found);
+                (name, found.iter().map(|c| c.gap).fold(f64::INFINITY, f64::min))
+            }
+        };
+        if gap < -pair.detection.margin {
+            let message = format!("`{near_name}` and `{far_name}` overlap by {:.4} m before the first step", -gap);
+            return Err(world.scene().at(&key, message, "move them apart; contact begins at the margin"));
+        }
+    }
+    Ok(())
 }
 
 fn pose(position: &[f64; 3], rotation: &[f64; 3]) -> Isometry3<f64> {

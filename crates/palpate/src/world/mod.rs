@@ -193,6 +193,7 @@ impl World {
             body.tolerance,
             body.max_iterations,
         );
+        text.push_str(&self.bodies.to_string());
         let _ = writeln!(text, "tool {}: {}", d.tools[0].name, one_line(&d.tools[0].shape));
         let c = &d.contact;
         let _ = writeln!(
@@ -352,6 +353,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         warnings,
     };
     tool_outside(&world)?;
+    bodies::apart(&world)?;
     Ok(world)
 }
 
