@@ -262,6 +262,7 @@ impl StepLine {
             correction_iterations: report.error.correction_iterations,
             overlap: report.error.overlap,
             cuts: report.cuts,
+            solver_attempts: report.attempts,
         });
         for (body, placement) in placements(world, &state.rigid).enumerate() {
             let (position, orientation, velocity, angular_velocity) = placement;

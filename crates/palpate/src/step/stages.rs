@@ -5,7 +5,6 @@ use palpate_collision::contact::Contact;
 use palpate_collision::detection::detect;
 use palpate_constraints::body::{self, RigidBodies, SoftBody};
 use palpate_constraints::compliance::{ComplianceMethod, WarpedInverse};
-use palpate_constraints::law::Law;
 use palpate_constraints::rows::{Counterpart, RowInput, ToolMotion, build_fixed_rows, build_rows};
 use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::integrator::backward_euler::factor_end;
@@ -13,6 +12,7 @@ use palpate_fem::integrator::explicit::explicit_velocity;
 use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
 use palpate_fem::rotation::nodal_rotations;
 use palpate_solver::report::{SolveReport, SolveStatus};
+use palpate_solver::solver::SolverWorkspace;
 
 use super::bodies;
 use super::direct::direct_contact;
@@ -103,14 +103,14 @@ pub(super) fn rows(
     ws: &mut StepWorkspace,
     report: &mut StepReport,
 ) {
-    let friction = world.description().contact.friction;
+    let law = world.description().contact.contact_law();
     let motion = state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::between(&before, tool));
     let input = RowInput {
         free_of_node: world.model().free_of_node(),
         v_free: &ws.v_free,
         dt: ws.dt,
         counterpart: Counterpart::Tool { reference: tool.translation.vector, motion },
-        friction: friction > 0.0,
+        friction: law.rows() > 1,
     };
     report.rows = build_rows(&state.contacts.contacts, &input, &mut ws.rows);
     build_fixed_rows(&state.contacts.contacts, &input, &mut ws.fixed_rows);
@@ -121,13 +121,19 @@ pub(super) fn rows(
         ws.rigid.clear_blocks();
         return;
     }
-    bodies::push_laws(world, contact_law(world), ws);
+    bodies::push_laws(world, law, ws);
     ws.problem.delta_free_mut().copy_from_slice(&ws.rows.delta_free);
+    choose_laws(world, ws);
 }
 
-/// The law of a contact with the tool.
-pub(super) fn contact_law(world: &World) -> Law {
-    bodies::law(world.description().contact.friction)
+/// Gives each contact with the tool the law that belongs to its free gap.
+pub(super) fn choose_laws(world: &World, ws: &mut StepWorkspace) {
+    let law = world.description().contact.contact_law();
+    for (k, block) in ws.rows.blocks.iter().enumerate().take(ws.rigid.tool_blocks) {
+        if let Some(&gap) = ws.rows.delta_free.get(block.first_row as usize) {
+            ws.problem.set_law(k, law.at_free_gap(gap));
+        }
+    }
 }
 
 /// `W = h² H A⁻¹ Hᵀ` from the latest factor, warped by the rotations since it was taken, from this step's own, or from the
@@ -207,22 +213,35 @@ pub(super) fn solve(
     report: &mut StepReport,
 ) {
     let m = ws.rows.len();
+    let solved = m > 0 && report.compliance.usable;
     ws.lambda[..m].fill(0.0);
     report.solve = SolveReport { status: SolveStatus::Solved, residual: 0.0, worst_gap: 0.0, ..NOT_SOLVED };
-    if m > 0 && !report.compliance.usable {
-        report.solve = NOT_SOLVED;
-    } else if m > 0 && ws.direct.is_some() {
-        direct_contact(world, input, state, ws, report);
-    } else if m > 0 {
-        let lambda = &mut ws.lambda[..m];
-        let of_tool = 0..ws.rigid.tool_blocks;
-        state.warm_start.fetch(&state.contacts.contacts, &ws.rows, of_tool, WARM_START_RADIUS, lambda);
+    if solved && ws.direct.is_none() {
+        let (contacts, of_tool) = (&state.contacts.contacts, 0..ws.rigid.tool_blocks);
+        state.warm_start.fetch(contacts, &ws.rows, of_tool, WARM_START_RADIUS, &mut ws.lambda[..m]);
         bodies::fetch(state, ws, WARM_START_RADIUS);
-        let lambda = &mut ws.lambda[..m];
-        report.solve = ws.solver.solve(&ws.problem.view(), lambda, &mut ws.solver_workspace);
+    }
+    if let Some(files) = &mut ws.problem_files {
+        files.begin(&ws.lambda[..m]);
+    }
+    if m > 0 && !solved {
+        report.solve = NOT_SOLVED;
+    } else if solved && ws.direct.is_some() {
+        direct_contact(world, input, state, ws, report);
+    } else if solved {
+        report.solve = ws.solver.solve(&ws.problem.view(), &mut ws.lambda[..m], &mut ws.solver_workspace);
+    }
+    if solved {
+        let (attempts, solver) = tried(world, ws);
+        if attempts >= report.attempts {
+            (report.attempts, report.solver) = (attempts, solver);
+        }
     }
     bodies::store(state, ws, report);
     let lambda = &ws.lambda[..m];
+    if let Some(files) = ws.problem_files.as_mut().filter(|_| solved) {
+        files.save(report.step, &ws.problem, lambda);
+    }
     state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rigid.tool_blocks, lambda);
 
     let wrench = ws.rows.wrench(lambda);
@@ -240,6 +259,18 @@ pub(super) fn solve(
         report.indentation = report.indentation.max(push.dot(&contact.normal));
     }
     report.tangential_force = friction.norm();
+}
+
+/// How many solvers the last solve tried, and whose forces were taken.
+fn tried(world: &World, ws: &StepWorkspace) -> (u32, &'static str) {
+    if ws.direct.is_some() {
+        return (1, world.description().contact.method.name());
+    }
+    let SolverWorkspace::Automatic(automatic) = &ws.solver_workspace else { return (1, ws.solver.name()) };
+    let attempts = automatic.attempts();
+    // The first of equals, as the automatic choice itself takes it.
+    let best = attempts.iter().reduce(|best, a| if a.report.residual < best.report.residual { a } else { best });
+    (attempts.len() as u32, best.map_or(ws.solver.name(), |best| best.solver))
 }
 
 /// The contact's tissue point in another configuration of the body.

@@ -15,7 +15,7 @@ use palpate_haptics::limits::LimitsConfig;
 use serde::{Deserialize, Serialize};
 
 pub use body::{BlockDescription, BodyDescription};
-pub use contact::{ContactDescription, ContactMethod};
+pub use contact::{ContactDescription, ContactLawKind, ContactMethod};
 pub use device::{DeviceDescription, HandDescription};
 pub use integrator::{ExplicitDescription, IntegratorKind, NewtonDescription, Refactor};
 pub use selection::{Axis, NodeSelection, Plane};
