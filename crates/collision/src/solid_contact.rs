@@ -15,7 +15,7 @@ use crate::triangle::closest_segments;
 /// A potential contact of a solid with another, the counterpart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolidContact {
-    /// Identifies the pair of features, so that forces can be matched between steps.
+    /// Identifies the pair of features, so that forces can be matched between steps; bits 52 to 60 are zero.
     pub feature: u64,
     /// Unit vector from the counterpart towards the solid.
     pub normal: Vector3<f64>,
@@ -55,10 +55,13 @@ struct Segment {
     wedge: Option<[Vector3<f64>; 2]>,
 }
 
-/// Which features met, in the two high bits of an identifier.
-const POINT: u64 = 0;
-const POINT_OF_COUNTERPART: u64 = 1 << 62;
-const EDGES: u64 = 2 << 62;
+/// Which features met, in the three high bits of an identifier: numbers that no feature of a skin has.
+const POINT: u64 = 3 << 61;
+const POINT_OF_COUNTERPART: u64 = 4 << 61;
+const EDGES: u64 = 5 << 61;
+
+/// Bits in which each of two edges is numbered.
+const EDGE_BITS: u32 = 26;
 
 impl Placed<'_> {
     fn is_usable(&self) -> bool {
@@ -204,7 +207,7 @@ fn each_crossing(body: &Placed<'_>, counterpart: &Placed<'_>, mut visit: impl Fn
         let Some(a) = body.segment(i) else { continue };
         for j in 0..counterpart.segment_count() {
             if let Some(contact) = counterpart.segment(j).and_then(|b| edges(&a, &b)) {
-                visit((i as u64) << 31 | j as u64, contact, (a.ends[1] - a.ends[0]).norm());
+                visit((i as u64) << EDGE_BITS | j as u64, contact, (a.ends[1] - a.ends[0]).norm());
             }
         }
     }

@@ -246,7 +246,7 @@ impl StepLine {
             cg_residual: report.free_motion.relative_residual,
             solver_sweeps: report.solve.iterations,
             solver_residual: report.solve.residual,
-            worst_row: worst_row(report),
+            worst_row: report.worst_row.map_or(-1, |row| i32::try_from(row).unwrap_or(i32::MAX)),
             factor_epoch: report.factor_epoch,
             factor_age: report.factor_age,
             tool_force: report.force.into(),
@@ -283,12 +283,6 @@ impl StepLine {
             }
         });
     }
-}
-
-/// First row of the contact with the largest residual: all contacts of a step have equally many. -1 without contacts.
-fn worst_row(report: &StepReport) -> i32 {
-    let rows = report.rows.rows.checked_div(report.rows.contacts);
-    rows.and_then(|n| i32::try_from(report.solve.worst_block as usize * n).ok()).unwrap_or(-1)
 }
 
 impl TickLine {

@@ -141,6 +141,8 @@ pub struct StepReport {
     pub attempts: u32,
     /// Register name of the solver whose forces were taken, or of the direct method; empty where nothing was solved.
     pub solver: &'static str,
+    /// First row of the contact with the largest residual; none without contacts.
+    pub worst_row: Option<u32>,
     /// Contacts with the tool that carry a force.
     pub active: usize,
     /// Force of the tissue on the tool (N).
@@ -186,6 +188,7 @@ impl StepReport {
             solve: NOT_SOLVED,
             attempts: 0,
             solver: "",
+            worst_row: None,
             active: 0,
             force: Vector3::zeros(),
             torque: Vector3::zeros(),

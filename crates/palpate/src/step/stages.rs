@@ -126,10 +126,10 @@ pub(super) fn rows(
     choose_laws(world, ws);
 }
 
-/// Gives each contact with the tool the law that belongs to its free gap.
+/// Gives each contact of tool and skin the law that belongs to its free gap.
 pub(super) fn choose_laws(world: &World, ws: &mut StepWorkspace) {
     let law = world.description().contact.contact_law();
-    for (k, block) in ws.rows.blocks.iter().enumerate().take(ws.rigid.tool_blocks) {
+    for (k, block) in ws.rows.blocks.iter().enumerate().take(ws.rigid.skin_blocks) {
         if let Some(&gap) = ws.rows.delta_free.get(block.first_row as usize) {
             ws.problem.set_law(k, law.at_free_gap(gap));
         }
@@ -217,8 +217,8 @@ pub(super) fn solve(
     ws.lambda[..m].fill(0.0);
     report.solve = SolveReport { status: SolveStatus::Solved, residual: 0.0, worst_gap: 0.0, ..NOT_SOLVED };
     if solved && ws.direct.is_none() {
-        let (contacts, of_tool) = (&state.contacts.contacts, 0..ws.rigid.tool_blocks);
-        state.warm_start.fetch(contacts, &ws.rows, of_tool, WARM_START_RADIUS, &mut ws.lambda[..m]);
+        let (contacts, on_skin) = (&state.contacts.contacts, 0..ws.rigid.skin_blocks);
+        state.warm_start.fetch(contacts, &ws.rows, on_skin, WARM_START_RADIUS, &mut ws.lambda[..m]);
         bodies::fetch(state, ws, WARM_START_RADIUS);
     }
     if let Some(files) = &mut ws.problem_files {
@@ -237,17 +237,18 @@ pub(super) fn solve(
             (report.attempts, report.solver) = (attempts, solver);
         }
     }
+    report.worst_row = ws.rows.blocks.get(report.solve.worst_block as usize).map(|block| block.first_row);
     bodies::store(state, ws, report);
     let lambda = &ws.lambda[..m];
     if let Some(files) = ws.problem_files.as_mut().filter(|_| solved) {
         files.save(report.step, &ws.problem, lambda);
     }
-    state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rigid.tool_blocks, lambda);
+    state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rigid.skin_blocks, lambda);
 
     let wrench = ws.rows.wrench(lambda);
     (report.force, report.torque) = (wrench.force, wrench.torque);
     let mut friction = Vector3::zeros();
-    for (block, frame) in ws.rows.blocks.iter().zip(&ws.rows.frames).take(ws.rigid.tool_blocks) {
+    for (block, frame) in ws.rows.blocks.iter().zip(&ws.rows.frames).take(ws.rigid.skin_blocks) {
         let Some(force) = lambda.get(block.range()) else { continue };
         if force[0] <= 0.0 {
             continue;
