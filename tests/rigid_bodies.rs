@@ -269,8 +269,10 @@ fn the_tool_pushes_a_ball_and_feels_it() {
         let snapshot = sim.snapshot();
         assert!(snapshot.valid && snapshot.contacts() == report.bodies.contacts as usize);
         if snapshot.contacts() > 0 {
-            let [force, compliance] = [snapshot.lambda()[0], snapshot.compliance()[0]];
-            assert!((force - report.force.norm()).abs() < 1e-9 && (compliance - 1e-4 / 0.3).abs() < 1e-12);
+            let rows = snapshot.tool_rows().iter().zip(snapshot.lambda());
+            let handed: Vector3<f64> = rows.map(|(row, l)| Vector3::new(row[0], row[1], row[2]) * *l).sum();
+            assert!((handed - report.force).norm() < 1e-12, "{handed:?} {:?}", report.force);
+            assert!((snapshot.compliance()[0] - 1e-4 / 0.3).abs() < 1e-12, "{}", snapshot.compliance()[0]);
         }
     }
     let ball = sim.state().rigid[0];
