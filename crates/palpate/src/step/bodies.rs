@@ -178,7 +178,7 @@ pub(super) fn rigid_motion(world: &World, state: &StepState, ws: &mut StepWorksp
     for (body, state) in world.bodies().rigid.iter().zip(&state.rigid) {
         let inertia = state.inverse_inertia(&body.model);
         ws.rigid.inverse.push(RigidInverse { mass: 1.0 / body.model.mass(), inertia });
-        ws.rigid.free.push(free_motion(&body.model, state, &gravity, ws.dt));
+        ws.rigid.free.push(free_motion(&body.model, state, gravity, ws.dt));
     }
 }
 
