@@ -50,6 +50,18 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
     if let Some(hint) = other_choice(&world, &here) {
         say(hint)?;
     }
+    let bodies = world.bodies();
+    if !bodies.is_empty() {
+        let capacity = world.contact_capacity();
+        say(format_args!(
+            "{} fixed and {} rigid bodies, {} pairs that can touch besides tool and tissue: at most {capacity} contacts, a \
+             compliance of {:.1} MB; A⁻¹ of a rigid body is direct",
+            bodies.fixed.len(),
+            bodies.rigid.len(),
+            bodies.pairs.len(),
+            8e-6 * (3 * capacity).pow(2) as f64,
+        ))?;
+    }
     say(format_args!(
         "error of the compliance: {}",
         match (plan.compliance, plan.sample_iterations) {

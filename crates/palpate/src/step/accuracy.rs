@@ -11,6 +11,7 @@
 //! energy from step to step until it folds. With the exact one every step is the backward Euler step of the body under
 //! the forces `λ`, whose error is then only one of accuracy.
 
+use palpate_constraints::body::{Body, RigidBodies};
 use palpate_constraints::compliance::{self, ComplianceMethod, MotionCorrection};
 use palpate_constraints::law::Law;
 use palpate_fem::pcg::{PcgConfig, PcgReport, PcgStatus, pcg};
@@ -61,7 +62,7 @@ pub(super) fn correct_exactly(
         if matches!(problem_block.law, Law::Threshold(threshold) if ws.lambda[row] >= 0.999 * threshold.limit) {
             continue;
         }
-        let gap = ws.rows.delta_free[row] + ws.dt * ws.rows.tissue.dot(row, &ws.correction);
+        let gap = ws.rows.delta_free[row] + opening(ws, row);
         report.error.overlap = report.error.overlap.max(-gap);
     }
     hand_down(ws);
@@ -82,7 +83,7 @@ pub(super) fn exact_motion(world: &World, factor: &FactorSample, ws: &mut StepWo
 pub(super) fn opened(ws: &StepWorkspace, r: usize) -> (f64, f64) {
     // W is symmetric: its column is its row.
     let expected = ws.problem.view().column(r).iter().zip(&ws.lambda).map(|(w, l)| w * l).sum();
-    (ws.dt * ws.rows.tissue.dot(r, &ws.correction), expected)
+    (opening(ws, r), expected)
 }
 
 /// Norms over the rows (m).
@@ -113,6 +114,11 @@ pub(super) fn misfit(ws: &StepWorkspace) -> Misfit {
     Misfit { opened: moved_by.sqrt(), along: along.sqrt(), missed: missed.sqrt() }
 }
 
+/// How far the motion under the forces opens the gap of a row (m).
+fn opening(ws: &StepWorkspace, row: usize) -> f64 {
+    ws.dt * (ws.rows.tissue.dot(row, &ws.correction) + ws.rows.rigid.dot(row, &ws.rigid.correction))
+}
+
 /// Compares one column of a `W` that is not exact with the exact one, the rows in turn. Says nothing where the iterations
 /// that the plan grants do not suffice.
 pub(super) fn sample_column(world: &World, factor: &FactorSample, ws: &mut StepWorkspace, report: &mut StepReport) {
@@ -137,10 +143,15 @@ pub(super) fn sample_column(world: &World, factor: &FactorSample, ws: &mut StepW
     if solve.status != PcgStatus::Converged {
         return;
     }
+    let mut rigid = RigidBodies { inverse: &ws.rigid.inverse, correction: &mut ws.rigid.sample };
+    if !rigid.correct(&ws.rows, &ws.lambda_of_sample[..m], 1.0) {
+        return;
+    }
     let view = ws.problem.view();
     let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
     for (r, w) in view.column(row).iter().enumerate() {
-        let exact = ws.dt * ws.dt * ws.rows.tissue.dot(r, &ws.sample);
+        let of_rigid = ws.rows.rigid.dot(r, &ws.rigid.sample);
+        let exact = ws.dt * ws.dt * (ws.rows.tissue.dot(r, &ws.sample) + of_rigid);
         worst = worst.max((w - exact).abs());
         largest = largest.max(exact.abs());
     }

@@ -71,6 +71,7 @@ pub(super) fn refine(
     let (inverse, _) = inverse(world, factor, None, None, &ws.rotations);
     compliance::correct(inverse, change, ws.dt, &mut ws.correction, &mut ws.compliance);
     ws.correction.iter_mut().zip(&ws.refinement.motion).for_each(|(motion, old)| *motion += old);
+    ws.rigid.correct(&ws.rows, &ws.lambda[..m], ws.dt);
     let exact = exact_motion(world, factor, ws);
     report.error.correction_iterations += exact.iterations as u32;
     let after = misfit(ws);
@@ -83,6 +84,7 @@ pub(super) fn refine(
     } else {
         ws.lambda[..m].copy_from_slice(&ws.refinement.lambda[..m]);
         ws.correction.copy_from_slice(&ws.refinement.motion);
+        ws.rigid.correct(&ws.rows, &ws.lambda[..m], ws.dt);
         ws.refinement.shift[..m].fill(0.0);
         ws.problem.delta_free_mut().copy_from_slice(&ws.rows.delta_free);
     }
@@ -91,4 +93,5 @@ pub(super) fn refine(
 /// Makes the free gaps of the rows those of the refined problem, for whoever solves it again.
 pub(super) fn hand_down(ws: &mut StepWorkspace) {
     ws.rows.delta_free.iter_mut().zip(&ws.refinement.shift).for_each(|(free, shift)| *free += shift);
+    ws.rigid.tool_delta.iter_mut().zip(&ws.refinement.shift).for_each(|(free, shift)| *free += shift);
 }

@@ -9,6 +9,7 @@ use palpate_fem::pcg::{PcgReport, PcgStatus};
 use palpate_solver::report::SolveReport;
 
 use super::StepInput;
+use super::bodies::BodiesReport;
 use super::stages::NOT_SOLVED;
 
 /// How a step ended.
@@ -120,9 +121,11 @@ pub struct StepReport {
     pub repeated: u32,
     /// Quadratic elements that fold between the points at which they are evaluated, at the begin of the step.
     pub folds: FoldReport,
-    /// Contacts found, merged, dropped.
+    /// Contacts with the tool: found, merged, dropped.
     pub detection: DetectionReport,
-    /// Rows built from the contacts.
+    /// Contacts of fixed and rigid bodies with the tissue and with one another.
+    pub bodies: BodiesReport,
+    /// Rows built from all contacts.
     pub rows: RowReport,
     /// `W`; where it is not usable the step goes on without contact.
     pub compliance: ComplianceReport,
@@ -142,7 +145,9 @@ pub struct StepReport {
     pub attempts: u32,
     /// Register name of the solver whose forces were taken, or of the direct method; empty where nothing was solved.
     pub solver: &'static str,
-    /// Contacts that carry a force.
+    /// First row of the contact with the largest residual; none without contacts.
+    pub worst_row: Option<u32>,
+    /// Contacts with the tool that carry a force.
     pub active: usize,
     /// Force of the tissue on the tool (N).
     pub force: Vector3<f64>,
@@ -178,16 +183,8 @@ impl StepReport {
             cuts: 0,
             repeated: 0,
             folds: FoldReport::NONE,
-            detection: DetectionReport {
-                candidates: 0,
-                contacts: 0,
-                wrong_side: 0,
-                merged: 0,
-                dropped: 0,
-                non_finite: 0,
-                deepest_gap: f64::INFINITY,
-                tool_inside: false,
-            },
+            detection: DetectionReport::NONE,
+            bodies: BodiesReport::NONE,
             rows: RowReport::default(),
             compliance: ComplianceReport { rows: 0, diagonal: [0.0; 2], asymmetry: 0.0, usable: true },
             method: ComplianceMethod::Automatic,
@@ -197,6 +194,7 @@ impl StepReport {
             solve: NOT_SOLVED,
             attempts: 0,
             solver: "",
+            worst_row: None,
             active: 0,
             force: Vector3::zeros(),
             torque: Vector3::zeros(),
