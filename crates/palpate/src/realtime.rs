@@ -37,6 +37,12 @@ pub(crate) enum TickThread<'a> {
     Elsewhere,
 }
 
+/// The ticks of a run: who makes them, and the ring in which they are told.
+pub(crate) struct Ticks<'a> {
+    pub(crate) thread: TickThread<'a>,
+    pub(crate) told: Receiver<TickReport>,
+}
+
 /// What others may do to a run while it lasts.
 #[derive(Clone, Copy)]
 pub(crate) struct Switches<'a> {
@@ -54,11 +60,11 @@ pub(crate) fn run(
     observer: &mut dyn Observer,
 ) -> Result<RunOutcome, RunError> {
     let (mut ticker, engine) = engine.split();
-    let (reports, ticks) = tick_reports(engine.world);
-    let thread = TickThread::Own { ticker: &mut ticker, reports };
+    let (reports, told) = tick_reports(engine.world);
+    let ticks = Ticks { thread: TickThread::Own { ticker: &mut ticker, reports }, told };
     let seconds = options.length.seconds(engine.world.dt());
     let switches = Switches { stop, paused: &AtomicBool::new(false) };
-    attend(engine, pool, thread, ticks, Instant::now(), seconds, switches, observer)
+    attend(engine, pool, ticks, Instant::now(), seconds, switches, observer)
 }
 
 /// The ring from a tick thread to the watching one: a second of ticks.
@@ -70,8 +76,7 @@ pub(crate) fn tick_reports(world: &World) -> (Sender<TickReport>, Receiver<TickR
 pub(crate) fn attend(
     engine: Engine<'_, ()>,
     pool: &ThreadPool,
-    tick: TickThread<'_>,
-    ticks: Receiver<TickReport>,
+    ticks: Ticks<'_>,
     start: Instant,
     seconds: f64,
     switches: Switches<'_>,
@@ -83,7 +88,7 @@ pub(crate) fn attend(
     let (step_sender, steps) = every::<StepReport>(256);
     let (refresh_sender, refreshes) = every::<RefreshReport>(64);
     let history = std::collections::VecDeque::new();
-    let mut watch = Watch { gathering: Gathering::new(world), steps, ticks, refreshes, history };
+    let mut watch = Watch { gathering: Gathering::new(world), steps, ticks: ticks.told, refreshes, history };
     let end_all = AtomicBool::new(false);
     let granted = AtomicBool::new(true);
     let outcome = std::thread::scope(|scope| -> std::io::Result<(RunEnd, f64)> {
@@ -92,8 +97,8 @@ pub(crate) fn attend(
         let (end_all, granted, pool) = (&end_all, &granted, pool);
         // The scope waits for its threads even where an observer panics, so they must be told.
         let _told = EndOnDrop(end_all);
-        let elsewhere = matches!(tick, TickThread::Elsewhere);
-        let ticking = match tick {
+        let elsewhere = matches!(ticks.thread, TickThread::Elsewhere);
+        let ticking = match ticks.thread {
             TickThread::Own { ticker, reports } => spawn("palpate-tick")
                 .spawn_scoped(scope, move || {
                     granted.store(raise_priority(), Ordering::Relaxed);

@@ -24,7 +24,7 @@ use palpate_haptics::exchange::{Receiver as Ring, Sender};
 
 use crate::engine::{Engine, workers};
 use crate::gathering::Gathering;
-use crate::realtime::{Switches, TickThread, attend, tick_reports};
+use crate::realtime::{Switches, TickThread, Ticks, attend, tick_reports};
 use crate::run::{Length, RunError, RunOptions, RunOutcome};
 use crate::summary::RunEnd;
 use crate::tick::{TickReport, TickStage};
@@ -253,11 +253,12 @@ fn live(
 fn watch(
     engine: Engine<'_, ()>,
     pool: &rayon::ThreadPool,
-    ticks: Ring<TickReport>,
+    told: Ring<TickReport>,
     start: Instant,
     shared: &Shared,
     ledger: &mut Ledger,
 ) -> Result<RunOutcome, RunError> {
     let switches = Switches { stop: &shared.stop, paused: &shared.paused };
-    attend(engine, pool, TickThread::Elsewhere, ticks, start, f64::INFINITY, switches, ledger)
+    let ticks = Ticks { thread: TickThread::Elsewhere, told };
+    attend(engine, pool, ticks, start, f64::INFINITY, switches, ledger)
 }
