@@ -59,7 +59,7 @@ impl Arena {
             arena.len += need[root as usize];
         }
         for s in (0..count).rev() {
-            arena.place(tree, s, depth[s] % 2 == 0, &need);
+            arena.place(tree, s, depth[s].is_multiple_of(2), &need);
         }
         arena
     }
