@@ -9,11 +9,16 @@ use faer::sparse::SparseColMatRef;
 use faer::sparse::linalg::cholesky::supernodal;
 use faer::{Par, Spec};
 
+use super::low_rank::LowRankUpdate;
 use super::symbolic::SymbolicFactor;
 use crate::sparse::SystemMatrix;
 
 /// Numbers every successful refactorisation in the process, so that half solves are never paired with another factor.
 static REVISIONS: AtomicU64 = AtomicU64::new(0);
+
+fn next_revision() -> u64 {
+    1 + REVISIONS.fetch_add(1, Ordering::Relaxed)
+}
 
 /// How a refactorisation ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,10 +63,12 @@ pub struct Factor {
     memory: MemBuffer,
     /// Zero while there is no valid factor.
     revision: u64,
+    /// What a change since the factorisation takes from the inverse, where there is room for changes.
+    pub(super) update: Option<Box<LowRankUpdate>>,
 }
 
 impl Clone for Factor {
-    /// The same numbers in memory of its own; the scratch memory is made anew.
+    /// The same numbers in memory of its own, without a change since the factorisation; the scratch memory is made anew.
     fn clone(&self) -> Self {
         let mut copy = Self::new(Arc::clone(&self.symbolic));
         copy.values.copy_from_slice(&self.values);
@@ -83,6 +90,7 @@ impl Factor {
             values: vec![0.0; symbolic.stored_values()],
             lower: vec![0.0; symbolic.lower().row_idx().len()],
             memory,
+            update: (symbolic.change_capacity() > 0).then(|| Box::new(LowRankUpdate::new(&symbolic))),
             symbolic,
             revision: 0,
         }
@@ -114,6 +122,9 @@ impl Factor {
             return failed(FactorStatus::OtherPattern);
         }
         self.revision = 0;
+        if let Some(update) = &mut self.update {
+            update.clear();
+        }
         if !self.symbolic.gather_lower(a, &mut self.lower) {
             let node = self.symbolic.first_non_finite(a).unwrap_or(0);
             return failed(FactorStatus::NonFinite { node });
@@ -132,8 +143,15 @@ impl Factor {
         }
         // a non-finite entry in row i of L would have made pivot i fail, so L is finite here
         let (smallest, largest) = self.pivot_range();
-        self.revision = 1 + REVISIONS.fetch_add(1, Ordering::Relaxed);
+        self.revision = next_revision();
         FactorReport { status: FactorStatus::Ok, smallest_pivot: smallest, largest_pivot: largest }
+    }
+
+    /// Parts what is derived from now on from what was before.
+    pub(super) fn renew(&mut self) {
+        if self.is_valid() {
+            self.revision = next_revision();
+        }
     }
 
     fn not_positive_at(&self, permuted_row: usize) -> FactorStatus {

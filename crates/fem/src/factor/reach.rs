@@ -13,6 +13,7 @@ use faer::prelude::{Reborrow, ReborrowMut};
 use faer::{Accum, Conj, MatMut, Par};
 use nalgebra::DMatrixViewMut;
 
+use super::low_rank::{scratch_of_compliance, scratch_of_solve};
 use super::numeric::Factor;
 use super::solve::{SolveStatus, permute_back};
 use super::symbolic::SymbolicFactor;
@@ -72,6 +73,8 @@ pub struct ReachWorkspace {
     place: Vec<u32>,
     lambda: Vec<f64>,
     permuted: Vec<f64>,
+    /// For the part of a change since the factorisation.
+    change: Vec<f64>,
     memory: MemBuffer,
     widest_pattern: usize,
     pub(super) rows: usize,
@@ -105,6 +108,7 @@ impl ReachWorkspace {
             place: vec![0; max_rows],
             lambda: vec![0.0; max_rows],
             permuted: vec![0.0; n],
+            change: vec![0.0; change_scratch(symbolic, max_rows)],
             memory: MemBuffer::new(symbolic.supernodes().solve_in_place_scratch::<f64>(1, Par::Seq)),
             widest_pattern,
             rows: 0,
@@ -244,6 +248,7 @@ impl Factor {
         if workspace.permuted.len() != symbolic.degrees_of_freedom()
             || workspace.active.len() != symbolic.supernode_count()
             || workspace.widest_pattern < symbolic.tree().widest_pattern()
+            || workspace.change.len() < change_scratch(symbolic, workspace.max_rows)
         {
             return Err(ReachStatus::WrongSize);
         }
@@ -270,7 +275,11 @@ impl Factor {
     ) -> ReachReport {
         let mut report = self.half_solve(rows, workspace);
         if report.status == ReachStatus::Ok {
-            report.status = workspace.gram_into(scale, w);
+            let mut w = w.into();
+            report.status = workspace.gram_into(scale, w.as_view_mut());
+            if let (ReachStatus::Ok, Some(update)) = (report.status, self.changed()) {
+                update.finish_compliance(rows, scale, w, &mut workspace.change);
+            }
         }
         report
     }
@@ -310,6 +319,9 @@ impl Factor {
             MemStack::new(&mut workspace.memory),
         );
         permute_back(&self.symbolic().ordering().old_of_new, &workspace.permuted, x);
+        if let Some(update) = self.changed() {
+            update.finish_solve(x, &mut workspace.change);
+        }
         SolveStatus::Ok
     }
 }
@@ -317,6 +329,12 @@ impl Factor {
 /// Extends a range of rows so that it holds another.
 pub(super) fn widen(range: &mut (u32, u32), other: (u32, u32)) {
     *range = (range.0.min(other.0), range.1.max(other.1));
+}
+
+/// Scratch for changes: that of a compliance, and of a correction at least.
+fn change_scratch(symbolic: &SymbolicFactor, max_rows: usize) -> usize {
+    let nodes = symbolic.change_capacity();
+    scratch_of_compliance(nodes, max_rows).max(scratch_of_solve(nodes))
 }
 
 /// Rows rounded up so that columns start at multiples of a cache line.

@@ -3,6 +3,7 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::{Conj, MatMut, Par};
 
+use super::low_rank::scratch_of_solve;
 use super::numeric::Factor;
 use super::symbolic::SymbolicFactor;
 
@@ -34,6 +35,8 @@ pub struct SolveWorkspace {
     columns: usize,
     /// Rows below a supernode that `memory` suffices for.
     widest_pattern: usize,
+    /// For the part of a change since the factorisation.
+    change: Vec<f64>,
 }
 
 impl SolveWorkspace {
@@ -49,6 +52,7 @@ impl SolveWorkspace {
             memory: MemBuffer::new(symbolic.supernodes().solve_in_place_scratch::<f64>(columns, Par::Seq)),
             columns,
             widest_pattern: symbolic.tree().widest_pattern(),
+            change: vec![0.0; scratch_of_solve(symbolic.change_capacity())],
         }
     }
 }
@@ -67,6 +71,7 @@ impl Factor {
         let n = self.symbolic().degrees_of_freedom();
         let columns = x.len() / n;
         let fits = workspace.permuted.len() == n * workspace.columns
+            && workspace.change.len() == scratch_of_solve(self.symbolic().change_capacity())
             && workspace.widest_pattern >= self.symbolic().tree().widest_pattern();
         if x.len() != n * columns || columns > workspace.columns || !fits {
             return SolveStatus::WrongSize;
@@ -87,6 +92,9 @@ impl Factor {
         );
         for (x, permuted) in x.chunks_exact_mut(n).zip(permuted.chunks_exact(n)) {
             permute_back(order, permuted, x);
+            if let Some(update) = self.changed() {
+                update.finish_solve(x, &mut workspace.change);
+            }
         }
         SolveStatus::Ok
     }
