@@ -22,8 +22,8 @@
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
-use super::{ElementMatrices, NodalShares};
-use crate::{material::BatchReport, rotation::cofactor};
+use super::{ElementMatrices, UNIT};
+use crate::{material::Law, rotation::cofactor};
 
 /// Corners that each mid-node lies between, in the order of the mid-nodes.
 pub const EDGES: [(usize, usize); 6] = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)];
@@ -84,6 +84,14 @@ pub struct QuadraticTetrahedron {
     pub weights: [f64; POINTS],
     /// Gradients `g_1..g_9` at each point (1/m); `g_0` is minus their sum.
     gradients: [[Vector3<f64>; 9]; POINTS],
+    straight: bool,
+}
+
+/// Whether the mid-nodes of an element with the given rest positions (m) lie at the middles of straight edges, to the
+/// rounding of their coordinates.
+pub fn is_straight(x: &[Vector3<f64>; 10]) -> bool {
+    let largest = x.iter().map(Vector3::amax).fold(0.0, f64::max);
+    EDGES.iter().zip(&x[4..]).all(|(&(a, b), mid)| (mid - (x[a] + x[b]) * 0.5).amax() <= 4.0 * f64::EPSILON * largest)
 }
 
 /// Derivatives of the shape functions by the barycentric coordinates `1, 2, 3` (with `l_0 = 1 - l_1 - l_2 - l_3`).
@@ -149,7 +157,12 @@ impl QuadraticTetrahedron {
         (0..POINTS).try_for_each(|k| folded(point(k)))?;
         (0..10).try_for_each(|i| folded(node_coordinates(i)))?;
 
-        let mut element = Self { nodes, weights: [0.0; POINTS], gradients: [[Vector3::zeros(); 9]; POINTS] };
+        let mut element = Self {
+            nodes,
+            weights: [0.0; POINTS],
+            gradients: [[Vector3::zeros(); 9]; POINTS],
+            straight: is_straight(&x),
+        };
         for k in 0..POINTS {
             let at = point(k);
             let dX = jacobian(&at);
@@ -254,65 +267,30 @@ impl QuadraticTetrahedron {
         }
     }
 
-    /// Forces and exact tangent from what the law answered at each point for the unit tetrahedron.
-    pub(crate) fn matrices(&self, points: &[ElementMatrices], out: &mut QuadraticMatrices) {
+    /// Forces and exact tangent of one element, as [`Law::element`]; for packs of elements see
+    /// [`QuadraticPack`](crate::pack::QuadraticPack). Returns whether the filter changed the tangent at any point.
+    pub fn answer(&self, law: &impl Law, q: &[Vector3<f64>], filter: bool, out: &mut QuadraticMatrices) -> bool {
         *out = QuadraticMatrices::ZERO;
-        for (k, at_point) in points.iter().enumerate().take(POINTS) {
-            self.add_forces(k, &(at_point.forces * -6.0), &mut out.forces);
-            self.add_blocks(k, &at_point.blocks, &mut out.blocks);
+        let mut point = ElementMatrices::ZERO;
+        let mut filtered = false;
+        for (k, F) in self.deformation_gradients(q).iter().enumerate() {
+            filtered |= law.element(&UNIT, F, filter, &mut point);
+            self.add_forces(k, &(point.forces * -6.0), &mut out.forces);
+            self.add_blocks(k, &point.blocks, &mut out.blocks);
         }
         out.complete();
+        filtered
     }
-}
 
-/// Forces and exact tangents of quadratic elements of one tissue: `answer` is what it answers to point `p` of element `k` as
-/// unit tetrahedron with edges `F`, as [`Law::element`](crate::material::Law::element). The report counts elements, not
-/// points; the Jacobian of an element is the least at its points.
-pub(crate) fn quadratic_batch(
-    elements: &[QuadraticTetrahedron],
-    q: &[Vector3<f64>],
-    answer: impl Fn(usize, usize, &Matrix3<f64>, &mut ElementMatrices) -> bool,
-    out: &mut [QuadraticMatrices],
-) -> BatchReport {
-    let mut report = BatchReport::default();
-    let mut points = [ElementMatrices::ZERO; POINTS];
-    for (k, (element, out)) in elements.iter().zip(out).enumerate() {
-        let (mut J, mut filtered, mut finite) = (f64::INFINITY, false, true);
-        for (p, (F, point)) in element.deformation_gradients(q).iter().zip(&mut points).enumerate() {
-            filtered |= answer(k, p, F, point);
-            finite &= point.is_finite();
-            J = J.min(F.determinant());
-        }
-        element.matrices(&points, out);
-        report.note(k as u32, J, filtered, finite);
+    /// Whether all mid-nodes lie at the middles of straight edges, to rounding.
+    pub fn is_straight(&self) -> bool {
+        self.straight
     }
-    report
-}
-
-/// The forces of [`quadratic_batch`] alone; `stress` is the first Piola stress (Pa) of point `p` of element `k` at `F`.
-pub(crate) fn quadratic_forces(
-    elements: &[QuadraticTetrahedron],
-    q: &[Vector3<f64>],
-    stress: impl Fn(usize, usize, &Matrix3<f64>) -> Matrix3<f64>,
-    out: &mut [QuadraticMatrices],
-) -> BatchReport {
-    let mut report = BatchReport::default();
-    for (k, (element, out)) in elements.iter().zip(out).enumerate() {
-        let mut J = f64::INFINITY;
-        out.forces.fill(Vector3::zeros());
-        for (p, F) in element.deformation_gradients(q).iter().enumerate() {
-            element.add_forces(p, &stress(k, p, F), &mut out.forces);
-            J = J.min(F.determinant());
-        }
-        out.forces[0] = -out.forces[1..].iter().sum::<Vector3<f64>>();
-        report.note(k as u32, J, false, out.forces.iter().flatten().all(|f| f.is_finite()));
-    }
-    report
 }
 
 /// Place of the block of nodes `i <= j` among the 55 on and above the diagonal, which are listed by rows.
 #[inline]
-pub(crate) const fn upper_index(i: usize, j: usize) -> usize {
+const fn upper_index(i: usize, j: usize) -> usize {
     i * (19 - i) / 2 + j
 }
 
@@ -343,19 +321,5 @@ impl QuadraticMatrices {
             self.blocks[j] = -column.sum::<Matrix3<f64>>();
         }
         self.blocks[0] = -(1..10).map(|j| self.blocks[j].transpose()).sum::<Matrix3<f64>>();
-    }
-}
-
-impl NodalShares for QuadraticMatrices {
-    const NODES: usize = 10;
-
-    #[inline]
-    fn force(&self, a: usize) -> Vector3<f64> {
-        self.forces[a]
-    }
-
-    #[inline]
-    fn upper(&self, k: usize) -> Matrix3<f64> {
-        self.blocks[k]
     }
 }

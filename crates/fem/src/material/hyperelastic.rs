@@ -25,18 +25,18 @@ use nalgebra::{Matrix3, Vector3};
 use pulp::Arch;
 
 use super::{
-    BatchReport, Bulk, Lame, Law, MaterialError,
+    Bulk, Lame, Law, MaterialError,
     bulk::UnderPressure,
     kernel::{
-        PrincipalLaw, principal::PrincipalResponse, principal_batch, six_pieces_batch, six_pieces_energy,
-        six_pieces_forces,
+        PrincipalLaw, principal::PrincipalResponse, principal_pack, six_pieces_energy, six_pieces_forces,
+        six_pieces_pack,
     },
     principal::PrincipalTangent,
 };
 use crate::{
     element::{ElementMatrices, Tetrahedron},
     lanes::{Real, Vec3, norm_squared},
-    pack::{Pack, PackMatrices},
+    pack::{DeformedPack, PackMatrices, Row},
     rotation::{cofactor, signed_svd},
 };
 
@@ -257,20 +257,20 @@ impl<L: Hyperelastic> Law for L {
         false
     }
 
-    fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
+    fn pack(&self, at: &DeformedPack<'_>, filter: bool, out: &mut PackMatrices) {
         if filter {
-            principal_batch(Arch::new(), self, packs, q, true, out)
+            principal_pack(Arch::new(), self, at, true, out);
         } else {
-            six_pieces_batch(Arch::new(), self, packs, q, out)
+            six_pieces_pack(Arch::new(), self, at, out);
         }
     }
 
-    fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport {
-        six_pieces_forces(Arch::new(), self, packs, q, out)
+    fn pack_forces(&self, at: &DeformedPack<'_>, out: &mut PackMatrices) {
+        six_pieces_forces(Arch::new(), self, at, out);
     }
 
-    fn packed_energy(&self, packs: &[Pack], q: &[Vector3<f64>]) -> f64 {
-        six_pieces_energy(Arch::new(), self, packs, q)
+    fn pack_energies(&self, at: &DeformedPack<'_>) -> Row {
+        six_pieces_energy(Arch::new(), self, at)
     }
 }
 

@@ -44,7 +44,7 @@ pub use self::{
 };
 use crate::{
     element::{ElementMatrices, Tetrahedron},
-    pack::{Pack, PackMatrices},
+    pack::{DeformedPack, PACK, Pack, PackMatrices, Row},
 };
 
 /// Elements of one law that are computed together; results of a batch stay in the first-level cache.
@@ -113,16 +113,34 @@ pub trait Law: Copy + Send + Sync {
         report
     }
 
-    /// [`Law::element`] for packs of elements, several at once. `out` is as long as `packs`; the report counts elements.
-    fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport;
+    /// [`Law::element`] for a pack of elements, several at once; under pressures as
+    /// [`Law::element_under_pressure`].
+    fn pack(&self, at: &DeformedPack<'_>, filter: bool, out: &mut PackMatrices);
 
-    /// The forces of [`Law::packed`] without tangents: `out` gets forces and volume ratios, its blocks mean nothing then.
-    fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport;
+    /// The forces of [`Law::pack`] without tangents: `out` gets forces and volume ratios, its blocks mean nothing then.
+    fn pack_forces(&self, at: &DeformedPack<'_>, out: &mut PackMatrices);
 
-    /// Energy of packs of elements (J), summed element by element.
-    fn packed_energy(&self, packs: &[Pack], q: &[Vector3<f64>]) -> f64 {
-        let elements = packs.iter().flat_map(|pack| (0..pack.len).map(|lane| pack.element(lane)));
-        elements.map(|element| element.volume * self.energy_density(&element.deformation_gradient(q))).sum()
+    /// Energy of each element of a pack (J), zero in places without one.
+    fn pack_energies(&self, at: &DeformedPack<'_>) -> Row {
+        let mut energies = [0.0; PACK];
+        for (lane, energy) in energies.iter_mut().enumerate().take(at.rest.len) {
+            let rest = at.rest.element(lane);
+            let F = at.edges_of(lane) * rest.inverse_rest_edges;
+            let pressure = at.pressure.map_or(0.0, |p| p[lane] * F.determinant());
+            *energy = rest.volume * (self.energy_density(&F) + pressure);
+        }
+        energies
+    }
+
+    /// [`Law::pack`] for packs at nodal positions `q` (m). `out` is as long as `packs`; the report counts elements.
+    fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
+        let (mut report, mut first) = (BatchReport::default(), 0);
+        for (pack, out) in packs.iter().zip(out) {
+            self.pack(&pack.at(q), filter, out);
+            out.note(first, pack.len, &mut report);
+            first += pack.len as u32;
+        }
+        report
     }
 }
 
@@ -185,7 +203,7 @@ impl BatchReport {
     }
 }
 
-/// Registers laws: the enum, its serde names, and one `match` per batch.
+/// Registers laws: the enum, its serde names, and one `match` per pack.
 macro_rules! materials {
     ($($variant:ident = $name:literal),+ $(,)?) => {
         /// A material: any registered law. In files: `{ law = "neo_hookean", young = 5e3, poisson = 0.45 }`.
@@ -279,22 +297,16 @@ macro_rules! materials {
                 match self { $(Self::$variant(law) => law.batch(elements, q, filter, out)),+ }
             }
 
-            fn packed(
-                &self,
-                packs: &[Pack],
-                q: &[Vector3<f64>],
-                filter: bool,
-                out: &mut [PackMatrices],
-            ) -> BatchReport {
-                match self { $(Self::$variant(law) => law.packed(packs, q, filter, out)),+ }
+            fn pack(&self, at: &DeformedPack<'_>, filter: bool, out: &mut PackMatrices) {
+                match self { $(Self::$variant(law) => law.pack(at, filter, out)),+ }
             }
 
-            fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport {
-                match self { $(Self::$variant(law) => law.packed_forces(packs, q, out)),+ }
+            fn pack_forces(&self, at: &DeformedPack<'_>, out: &mut PackMatrices) {
+                match self { $(Self::$variant(law) => law.pack_forces(at, out)),+ }
             }
 
-            fn packed_energy(&self, packs: &[Pack], q: &[Vector3<f64>]) -> f64 {
-                match self { $(Self::$variant(law) => law.packed_energy(packs, q)),+ }
+            fn pack_energies(&self, at: &DeformedPack<'_>) -> Row {
+                match self { $(Self::$variant(law) => law.pack_energies(at)),+ }
             }
         }
 

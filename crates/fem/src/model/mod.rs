@@ -11,12 +11,15 @@ pub(crate) use self::config::Tissue;
 pub use self::config::{FemConfig, FemError, MAX_STIFFNESS_RATIO};
 use self::elements::Elements;
 use crate::{
-    assembly::{PackLists, ScatterLists},
+    assembly::{PackLists, UpperBlocks},
     averaging::{Averaging, Groups, cliques},
-    element::{ElementKind, QuadraticTetrahedron, Tetrahedron, quadratic::POINTS},
+    element::{
+        ElementKind, QuadraticTetrahedron, Tetrahedron,
+        quadratic::{POINTS, is_straight},
+    },
     material::{BATCH, Bulk, Law, Material},
     mesh::TetMesh,
-    pack::{PACK, Pack},
+    pack::{PACK, Pack, QuadraticPack},
     sparse::{BlockPattern, FIXED},
 };
 
@@ -36,7 +39,6 @@ pub struct FemState {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Batch {
     pub(crate) elements: Range<usize>,
-    /// Empty unless the elements are linear.
     pub(crate) packs: Range<usize>,
     pub(crate) tissue: Tissue,
     /// The batch's part of [`FemState::memory`].
@@ -61,13 +63,14 @@ pub struct FemModel {
     mesh_tetrahedron: Vec<u32>,
     batches: Vec<Batch>,
     packs: Vec<Pack>,
+    quadratic_packs: Vec<QuadraticPack>,
     pack_lists: PackLists,
     memory: usize,
     mass: Vec<f64>,
     free_of_node: Vec<u32>,
     node_of_free: Vec<u32>,
     pattern: Arc<BlockPattern>,
-    scatter: ScatterLists,
+    upper_blocks: UpperBlocks,
     averaging: Option<Averaging>,
     gravity: Vector3<f64>,
     rayleigh_mass: f64,
@@ -89,7 +92,11 @@ impl FemModel {
         // Elements of one material lie together, in mesh order within it.
         let (mut tissues, tissue_of_region) = distinct_tissues(&regions);
         let mut order: Vec<u32> = (0..mesh.tetrahedra.len() as u32).collect();
-        order.sort_by_key(|&t| tissue_of_region[region_of(t as usize)]);
+        // Of quadratic ones the straight before the curved.
+        let of_tetrahedron = |t: u32| tissue_of_region[region_of(t as usize)];
+        let curved: Vec<bool> = (0..mesh.tetrahedra.len()).map(|t| is_curved(mesh, t)).collect();
+        let key = |&t: &u32| (of_tetrahedron(t), curved[t as usize]);
+        order.sort_by_key(key);
         check_stiffness_ratio(order.iter().map(|&t| &regions[region_of(t as usize)].0.material))?;
 
         let densities: Vec<f64> = regions.iter().map(|r| r.1).collect();
@@ -108,38 +115,42 @@ impl FemModel {
         }
         let corners: Vec<[u32; 4]> = elements.iter().map(|e| e.nodes).collect();
         let free_tetrahedra: Vec<[u32; 4]> = corners.iter().map(|e| e.map(|i| free_of_node[i as usize])).collect();
-        let ten_nodes: Vec<[u32; 10]> = quadratic.iter().map(|e| e.nodes).collect();
         let free = node_of_free.len();
-        let mut averaging = None;
-        let (pattern, scatter) = match config.element {
-            // Packs have lists of their own: here only the pattern, and the numbers of its upper blocks.
-            ElementKind::Linear => {
-                let pattern = BlockPattern::from_cliques(free, free_tetrahedra.iter().map(<[u32; 4]>::as_slice));
-                let scatter = ScatterLists::new::<4>(&pattern, &[], &free_of_node);
-                (Arc::new(pattern), scatter)
-            }
-            ElementKind::Quadratic => lists(&ten_nodes, &[], &free_of_node, free),
-            ElementKind::Averaged => {
-                let of_element: Vec<usize> = order.iter().map(|&t| tissue_of_region[region_of(t as usize)]).collect();
-                let runs = runs(&of_element);
-                let bulk_of_run = split_bulk(&mut tissues, &of_element, &runs)?;
-                let groups = Groups::new(config.grouping, &corners, &runs);
-                let run_of = |e: u32| runs.partition_point(|run| run.end <= e as usize);
-                let bulk = groups.members.iter().map(|m| bulk_of_run[run_of(m[0])]).collect();
-                let cliques = cliques(&groups, &corners, &free_of_node);
-                let (pattern, scatter) = lists(&corners, &cliques, &free_of_node, free);
-                let lists = Averaging::new(groups, bulk, &cliques, &elements, &free_of_node, &pattern, &scatter);
-                averaging = Some(lists);
-                (pattern, scatter)
-            }
-        };
-        let size = batch_size(config.element);
-        let mut batches = batches(order.iter().map(|&t| tissue_of_region[region_of(t as usize)]), &tissues, size);
-        let (mut packs, mut pack_lists) = (Vec::new(), PackLists::default());
-        if config.element == ElementKind::Linear {
-            packs = pack(&mut batches, &elements);
-            pack_lists = PackLists::new(&packs, &batches, &free_of_node, &pattern, &scatter);
+        let of_element: Vec<usize> = order.iter().map(|&t| of_tetrahedron(t)).collect();
+        let runs = runs(&of_element);
+        let (mut groups, mut bulk_of_run, mut coupled) = (None, Vec::new(), Vec::new());
+        if config.element == ElementKind::Averaged {
+            bulk_of_run = split_bulk(&mut tissues, &of_element, &runs)?;
+            let made = Groups::new(config.grouping, &corners, &runs);
+            coupled = cliques(&made, &corners, &free_of_node);
+            groups = Some(made);
         }
+        let size = packs_of_batch(config.element);
+        let mut batches = batches(order.iter().map(key), &tissues, PACK * size);
+        let (mut packs, mut quadratic_packs) = (Vec::new(), Vec::new());
+        for batch in &mut batches {
+            let first = packs.len() + quadratic_packs.len();
+            if config.element == ElementKind::Quadratic {
+                let elements = batch.of(&quadratic).chunks(PACK).zip(batch.of(&elements).chunks(PACK));
+                quadratic_packs
+                    .extend(elements.filter_map(|(elements, corners)| QuadraticPack::new(elements, corners)));
+            } else {
+                packs.extend(batch.of(&elements).chunks(PACK).filter_map(Pack::new));
+            }
+            batch.packs = first..packs.len() + quadratic_packs.len();
+        }
+        let (pattern, upper_blocks, pack_lists) = if config.element == ElementKind::Quadratic {
+            let nodes: Vec<_> = quadratic_packs.iter().map(|pack| (&pack.nodes, pack.len)).collect();
+            lists::<10, 45>(&nodes, &batches, size, &coupled, &free_of_node, free)
+        } else {
+            let nodes: Vec<_> = packs.iter().map(|pack| (&pack.nodes, pack.len)).collect();
+            lists::<4, 6>(&nodes, &batches, size, &coupled, &free_of_node, free)
+        };
+        let averaging = groups.map(|groups| {
+            let run_of = |e: u32| runs.partition_point(|run| run.end <= e as usize);
+            let bulk = groups.members.iter().map(|m| bulk_of_run[run_of(m[0])]).collect();
+            Averaging::new(groups, bulk, &coupled, &packs, &free_of_node, &pattern, &upper_blocks)
+        });
         let points = if config.element == ElementKind::Quadratic { POINTS } else { 1 };
         let mut memory = 0;
         for batch in &mut batches {
@@ -156,13 +167,14 @@ impl FemModel {
             mesh_tetrahedron: order,
             batches,
             packs,
+            quadratic_packs,
             pack_lists,
             memory,
             mass,
             free_of_node,
             node_of_free,
             pattern,
-            scatter,
+            upper_blocks,
             averaging,
             gravity: config.gravity,
             rayleigh_mass: config.rayleigh_mass,
@@ -275,27 +287,32 @@ impl FemModel {
         &self.batches
     }
 
-    /// Most elements of a batch.
-    pub(crate) fn batch_size(&self) -> usize {
-        batch_size(self.kind)
+    /// Most packs of a batch.
+    pub(crate) fn packs_of_batch(&self) -> usize {
+        packs_of_batch(self.kind)
     }
 
     pub(crate) fn averaging(&self) -> Option<&Averaging> {
         self.averaging.as_ref()
     }
 
-    /// The elements of a linear body in packs of one material each, in the order of [`FemModel::elements`]; empty for other
-    /// kinds.
+    /// The elements of a linear or averaged body in packs of one material each, in the order of [`FemModel::elements`]; empty
+    /// for a quadratic one.
     pub fn packs(&self) -> &[Pack] {
         &self.packs
+    }
+
+    /// The elements of a quadratic body in packs, as [`FemModel::packs`]; empty for other kinds.
+    pub fn quadratic_packs(&self) -> &[QuadraticPack] {
+        &self.quadratic_packs
     }
 
     pub(crate) fn pack_lists(&self) -> &PackLists {
         &self.pack_lists
     }
 
-    pub(crate) fn scatter(&self) -> &ScatterLists {
-        &self.scatter
+    pub(crate) fn upper_blocks(&self) -> &UpperBlocks {
+        &self.upper_blocks
     }
 }
 
@@ -305,8 +322,8 @@ fn check_topology(mesh: &TetMesh) -> Result<(), FemError> {
     if tetrahedra == 0 {
         return Err(FemError::Empty);
     }
-    if tetrahedra > ScatterLists::MAX_ELEMENTS || nodes >= FIXED as usize {
-        return Err(FemError::TooLarge { nodes, tetrahedra, limit: ScatterLists::MAX_ELEMENTS });
+    if tetrahedra > PackLists::MAX_ELEMENTS || nodes >= FIXED as usize {
+        return Err(FemError::TooLarge { nodes, tetrahedra, limit: PackLists::MAX_ELEMENTS });
     }
     for (tetrahedron, element) in mesh.tetrahedra.iter().enumerate() {
         let mids = mesh.mid_nodes.get(tetrahedron);
@@ -326,24 +343,33 @@ fn check_topology(mesh: &TetMesh) -> Result<(), FemError> {
     Ok(())
 }
 
-/// Most elements of a batch: as many points of quadrature whatever the kind.
-fn batch_size(kind: ElementKind) -> usize {
-    if kind == ElementKind::Quadratic { BATCH / POINTS } else { BATCH }
+/// Whether a tetrahedron of the mesh has mid-nodes away from the middles of its edges. Nodes are in range.
+fn is_curved(mesh: &TetMesh, tetrahedron: usize) -> bool {
+    mesh.ten_nodes(tetrahedron).is_some_and(|nodes| !is_straight(&nodes.map(|i| mesh.nodes[i as usize])))
 }
 
-/// Pattern over the free nodes, and the lists that fill it from elements over the given nodes; `cliques` of free nodes are
-/// coupled as well.
-fn lists<const N: usize>(
-    elements: &[[u32; N]],
+/// Most packs of a batch: as many points of quadrature whatever the kind.
+fn packs_of_batch(kind: ElementKind) -> usize {
+    BATCH / PACK / if kind == ElementKind::Quadratic { POINTS } else { 1 }
+}
+
+/// Pattern over the free nodes with its upper blocks, and the lists that fill them from packs, given by the nodes of their
+/// elements and their number; `cliques` of free nodes are coupled as well.
+fn lists<const N: usize, const B: usize>(
+    packs: &[(&[[u32; N]; PACK], usize)],
+    batches: &[Batch],
+    size: usize,
     cliques: &[Vec<u32>],
     free_of_node: &[u32],
     free_nodes: usize,
-) -> (Arc<BlockPattern>, ScatterLists) {
-    let free: Vec<[u32; N]> = elements.iter().map(|e| e.map(|i| free_of_node[i as usize])).collect();
+) -> (Arc<BlockPattern>, UpperBlocks, PackLists) {
+    let elements = packs.iter().flat_map(|(nodes, len)| &nodes[..*len]);
+    let free: Vec<[u32; N]> = elements.map(|e| e.map(|i| free_of_node[i as usize])).collect();
     let coupled = free.iter().map(<[u32; N]>::as_slice).chain(cliques.iter().map(Vec::as_slice));
     let pattern = BlockPattern::from_cliques(free_nodes, coupled);
-    let scatter = ScatterLists::new(&pattern, elements, free_of_node);
-    (Arc::new(pattern), scatter)
+    let upper = UpperBlocks::new(&pattern);
+    let lists = PackLists::new::<N, B>(packs, batches, size, free_of_node, &pattern, &upper);
+    (Arc::new(pattern), upper, lists)
 }
 
 /// The tissues that differ, and the tissue of each region.
@@ -406,27 +432,16 @@ fn number_free_nodes(nodes: usize, fixed: &[u32]) -> (Vec<u32>, Vec<u32>) {
     (free_of_node, node_of_free)
 }
 
-/// Runs of one tissue, cut into batches of at most `size`. `tissue_of_element` is grouped.
-fn batches(tissue_of_element: impl Iterator<Item = usize>, tissues: &[Tissue], size: usize) -> Vec<Batch> {
+/// Runs of one key, tissue and whether the elements are curved, cut into batches of at most `size`. The keys are grouped.
+fn batches(key_of_element: impl Iterator<Item = (usize, bool)>, tissues: &[Tissue], size: usize) -> Vec<Batch> {
     let mut batches: Vec<Batch> = Vec::new();
-    let mut last = usize::MAX;
-    for (e, m) in tissue_of_element.enumerate() {
+    let mut last = None;
+    for (e, key) in key_of_element.enumerate() {
         match batches.last_mut() {
-            Some(batch) if m == last && batch.elements.len() < size => batch.elements.end = e + 1,
-            _ => batches.push(Batch { elements: e..e + 1, tissue: tissues[m].clone(), packs: 0..0, memory: 0..0 }),
+            Some(batch) if last == Some(key) && batch.elements.len() < size => batch.elements.end = e + 1,
+            _ => batches.push(Batch { elements: e..e + 1, tissue: tissues[key.0].clone(), packs: 0..0, memory: 0..0 }),
         }
-        last = m;
+        last = Some(key);
     }
     batches
-}
-
-/// Cuts each batch into packs and tells it which are its own.
-fn pack(batches: &mut [Batch], elements: &[Tetrahedron]) -> Vec<Pack> {
-    let mut packs = Vec::with_capacity(batches.len() * BATCH.div_ceil(PACK));
-    for batch in batches {
-        let first = packs.len();
-        packs.extend(batch.of(elements).chunks(PACK).filter_map(Pack::new));
-        batch.packs = first..packs.len();
-    }
-    packs
 }

@@ -6,16 +6,13 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Vector3;
 use pulp::{Simd, WithSimd};
 
-use super::{
-    Dispatch, Free, TRIANGLE, for_packs, jacobian, load3, load6, load33, parts, store_forces, store3, store33,
-};
+use super::{Dispatch, Free, TRIANGLE, jacobian, load3, load6, load33, parts, pressure, store_forces, store3, store33};
 use crate::{
     lanes::{Lanes, Mat3, Real, Vec3, eigenvectors, matrix_product, scaled, signed_svd, transposed_product},
-    material::{BatchReport, principal::ROUNDING},
-    pack::{PACK, Pack, PackMatrices, Row},
+    material::principal::ROUNDING,
+    pack::{DeformedPack, PACK, PackMatrices, Row},
 };
 
 /// Derivatives of an isotropic energy by the signed singular values, with the eigenvalues of flips and twists.
@@ -29,6 +26,21 @@ pub struct PrincipalResponse<T> {
     pub flip: Vec3<T>,
     /// Eigenvalue of the twist of the two axes other than `a` (Pa): `(Ψ_b + Ψ_c) / (σ_b + σ_c)`.
     pub twist: Vec3<T>,
+}
+
+impl<T: Real> PrincipalResponse<T> {
+    /// Adds the derivatives of `p J`, `J = σ_0 σ_1 σ_2`.
+    #[inline(always)]
+    fn add_pressure(&mut self, sigma: &Vec3<T>, p: T) {
+        let along = scaled(sigma, p);
+        for a in 0..3 {
+            let (b, c) = ((a + 1) % 3, (a + 2) % 3);
+            self.stress[a] = self.stress[a] + along[b] * sigma[c];
+            self.scaling[TRIANGLE[b][c]] = self.scaling[TRIANGLE[b][c]] + along[a];
+            self.flip[a] = self.flip[a] - along[a];
+            self.twist[a] = self.twist[a] + along[a];
+        }
+    }
 }
 
 /// A law as a function of the signed singular values.
@@ -61,45 +73,38 @@ impl Scratch {
     };
 }
 
-/// Forces and tangents of packs of one law, with or without the filter.
-pub(crate) fn principal_batch<L: PrincipalLaw>(
+/// Forces and tangents of a pack of one law, with or without the filter.
+pub(crate) fn principal_pack<L: PrincipalLaw>(
     dispatch: impl Dispatch,
     law: &L,
-    packs: &[Pack],
-    q: &[Vector3<f64>],
+    at: &DeformedPack<'_>,
     filter: bool,
-    out: &mut [PackMatrices],
-) -> BatchReport {
+    out: &mut PackMatrices,
+) {
     let mut scratch = Scratch::ZERO;
-    for_packs(packs, q, out, |pack, edges, out| {
-        let scratch = &mut scratch;
-        dispatch.run(Decompose { pack, edges, scratch });
-        dispatch.run(Respond { law, pack, scratch });
-        dispatch.run(Assemble { pack, edges, filter, scratch, out });
-    })
+    let scratch = &mut scratch;
+    dispatch.run(Decompose { at, scratch });
+    dispatch.run(Respond { law, at, scratch });
+    dispatch.run(Assemble { at, filter, scratch, out });
 }
 
-/// The forces of [`principal_batch`] alone.
+/// The forces of [`principal_pack`] alone.
 pub(crate) fn principal_forces<L: PrincipalLaw>(
     dispatch: impl Dispatch,
     law: &L,
-    packs: &[Pack],
-    q: &[Vector3<f64>],
-    out: &mut [PackMatrices],
-) -> BatchReport {
+    at: &DeformedPack<'_>,
+    out: &mut PackMatrices,
+) {
     let mut scratch = Scratch::ZERO;
-    for_packs(packs, q, out, |pack, edges, out| {
-        let scratch = &mut scratch;
-        dispatch.run(Decompose { pack, edges, scratch });
-        dispatch.run(Respond { law, pack, scratch });
-        dispatch.run(Forces { pack, edges, scratch, out });
-    })
+    let scratch = &mut scratch;
+    dispatch.run(Decompose { at, scratch });
+    dispatch.run(Respond { law, at, scratch });
+    dispatch.run(Forces { at, scratch, out });
 }
 
 /// `F = Σ_k e_k D_kᵀ` and its frames.
 struct Decompose<'a> {
-    pack: &'a Pack,
-    edges: &'a [[Row; 3]; 3],
+    at: &'a DeformedPack<'a>,
     scratch: &'a mut Scratch,
 }
 
@@ -116,9 +121,10 @@ impl WithSimd for Decompose<'_> {
 impl Decompose<'_> {
     #[inline(always)]
     fn run<S: Simd, const N: usize>(self, simd: S) {
-        let Self { pack, edges, scratch } = self;
+        let Self { at, scratch } = self;
+        let pack = at.rest;
         for part in 0..parts::<S, N>(pack) {
-            let e: Mat3<Lanes<S, N>> = load33(simd, edges, part);
+            let e: Mat3<Lanes<S, N>> = load33(simd, &at.edges, part);
             let D = load33(simd, &pack.shape, part);
             let mut F = e;
             for c in 0..3 {
@@ -137,7 +143,7 @@ impl Decompose<'_> {
 /// The derivatives of the law.
 struct Respond<'a, L> {
     law: &'a L,
-    pack: &'a Pack,
+    at: &'a DeformedPack<'a>,
     scratch: &'a mut Scratch,
 }
 
@@ -146,9 +152,13 @@ impl<L: PrincipalLaw> WithSimd for Respond<'_, L> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { law, pack, scratch } = self;
-        for part in 0..parts::<S, 1>(pack) {
-            let response = law.principal::<Lanes<S>>(&load3(simd, &scratch.sigma, part));
+        let Self { law, at, scratch } = self;
+        for part in 0..parts::<S, 1>(at.rest) {
+            let sigma: Vec3<Lanes<S>> = load3(simd, &scratch.sigma, part);
+            let mut response = law.principal(&sigma);
+            if let Some(pressure) = pressure(simd, at, part) {
+                response.add_pressure(&sigma, pressure);
+            }
             store3(&response.stress, &mut scratch.stress, part);
             for k in 0..6 {
                 response.scaling[k].store(&mut scratch.scaling[k], part);
@@ -161,8 +171,7 @@ impl<L: PrincipalLaw> WithSimd for Respond<'_, L> {
 
 /// Forces alone.
 struct Forces<'a> {
-    pack: &'a Pack,
-    edges: &'a [[Row; 3]; 3],
+    at: &'a DeformedPack<'a>,
     scratch: &'a Scratch,
     out: &'a mut PackMatrices,
 }
@@ -172,12 +181,13 @@ impl WithSimd for Forces<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { pack, edges, scratch, out } = self;
+        let Self { at, scratch, out } = self;
+        let pack = at.rest;
         for part in 0..parts::<S, 1>(pack) {
             let (U, V) = (load33(simd, &scratch.U, part), load33(simd, &scratch.V, part));
             let D = load33(simd, &pack.shape, part);
             let g = [transposed_product(&V, &D[0]), transposed_product(&V, &D[1]), transposed_product(&V, &D[2])];
-            let e = load33(simd, edges, part);
+            let e = load33(simd, &at.edges, part);
             let J = jacobian(simd, &e, pack, part);
             let stress = load3(simd, &scratch.stress, part);
             store_forces(&forces(&stress, &U, &g, Lanes::load(simd, &pack.volume, part)), J, out, part);
@@ -199,8 +209,7 @@ fn forces<T: Real>(stress: &Vec3<T>, U: &Mat3<T>, g: &Mat3<T>, V0: T) -> Mat3<T>
 
 /// Filter, forces and blocks.
 struct Assemble<'a> {
-    pack: &'a Pack,
-    edges: &'a [[Row; 3]; 3],
+    at: &'a DeformedPack<'a>,
     filter: bool,
     scratch: &'a Scratch,
     out: &'a mut PackMatrices,
@@ -211,7 +220,8 @@ impl WithSimd for Assemble<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { pack, edges, filter, scratch, out } = self;
+        let Self { at, filter, scratch, out } = self;
+        let pack = at.rest;
         for part in 0..parts::<S, 1>(pack) {
             let mut response = PrincipalResponse {
                 stress: load3(simd, &scratch.stress, part),
@@ -226,7 +236,7 @@ impl WithSimd for Assemble<'_> {
             let (U, V) = (load33(simd, &scratch.U, part), load33(simd, &scratch.V, part));
             let D = load33(simd, &pack.shape, part);
             let g = [transposed_product(&V, &D[0]), transposed_product(&V, &D[1]), transposed_product(&V, &D[2])];
-            let e = load33(simd, edges, part);
+            let e = load33(simd, &at.edges, part);
             let J = jacobian(simd, &e, pack, part);
             assemble(&response, &U, &g, Lanes::load(simd, &pack.volume, part), J).store(out, part);
         }
