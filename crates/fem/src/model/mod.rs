@@ -1,5 +1,6 @@
 //! Description and state of a soft body.
 
+mod change;
 mod config;
 mod elements;
 
@@ -8,8 +9,11 @@ use std::{ops::Range, sync::Arc};
 use nalgebra::{Vector3, Vector6};
 
 pub(crate) use self::config::Tissue;
-pub use self::config::{FemConfig, FemError, MAX_STIFFNESS_RATIO};
 use self::elements::Elements;
+pub use self::{
+    change::CarriedMemory,
+    config::{FemConfig, FemError, MAX_STIFFNESS_RATIO},
+};
 use crate::{
     assembly::{PackLists, UpperBlocks},
     averaging::{Averaging, Groups, cliques},
@@ -69,6 +73,8 @@ pub struct FemModel {
     mass: Vec<f64>,
     free_of_node: Vec<u32>,
     node_of_free: Vec<u32>,
+    /// Whether each free node is held.
+    held: Vec<bool>,
     pattern: Arc<BlockPattern>,
     upper_blocks: UpperBlocks,
     averaging: Option<Averaging>,
@@ -84,6 +90,11 @@ impl FemModel {
     /// # Errors
     /// Every mistake of mesh or configuration that would otherwise surface during a run; see [`FemError`].
     pub fn new(mesh: &TetMesh, config: &FemConfig) -> Result<Self, FemError> {
+        Self::on_pattern(mesh, config, None)
+    }
+
+    /// Over a pattern that holds all blocks of the body, where there is one; nodes without elements are then held.
+    fn on_pattern(mesh: &TetMesh, config: &FemConfig, pattern: Option<&Arc<BlockPattern>>) -> Result<Self, FemError> {
         check_topology(mesh)?;
         config.validate(mesh)?;
         let regions = config.regions(mesh);
@@ -100,16 +111,20 @@ impl FemModel {
         check_stiffness_ratio(order.iter().map(|&t| &regions[region_of(t as usize)].0.material))?;
 
         let densities: Vec<f64> = regions.iter().map(|r| r.1).collect();
-        let Elements { tetrahedra: elements, quadratic, mut mass } =
+        let Elements { tetrahedra: elements, quadratic, mut mass, loose } =
             Elements::new(mesh, &order, config.element, |t| densities[region_of(t as usize)])?;
+        if let (Some(&node), None) = (loose.first(), pattern) {
+            return Err(FemError::Unconnected { node });
+        }
         if let Some(total) = config.total_mass {
             mass.fill(total / mesh.nodes.len() as f64);
         }
 
-        let (free_of_node, node_of_free) = number_free_nodes(mesh.nodes.len(), &config.fixed);
+        let (number, node_of_free) = number_free_nodes(mesh.nodes.len(), &config.fixed);
         if node_of_free.is_empty() {
             return Err(FemError::AllFixed { nodes: mesh.nodes.len() });
         }
+        let (free_of_node, held) = hold(&number, node_of_free.len(), config.held.iter().chain(&loose));
         if config.fixed.is_empty() && mass.iter().all(|&m| m == 0.0) {
             return Err(FemError::Unsupported);
         }
@@ -122,7 +137,7 @@ impl FemModel {
         if config.element == ElementKind::Averaged {
             bulk_of_run = split_bulk(&mut tissues, &of_element, &runs)?;
             let made = Groups::new(config.grouping, &corners, &runs);
-            coupled = cliques(&made, &corners, &free_of_node);
+            coupled = cliques(&made, &corners, &number);
             groups = Some(made);
         }
         let size = packs_of_batch(config.element);
@@ -141,10 +156,12 @@ impl FemModel {
         }
         let (pattern, upper_blocks, pack_lists) = if config.element == ElementKind::Quadratic {
             let nodes: Vec<_> = quadratic_packs.iter().map(|pack| (&pack.nodes, pack.len)).collect();
-            lists::<10, 45>(&nodes, &batches, size, &coupled, &free_of_node, free)
+            let pattern = pattern.map_or_else(|| coupling(&nodes, &coupled, &number, free), Arc::clone);
+            lists::<10, 45>(&nodes, &batches, size, &free_of_node, pattern)
         } else {
             let nodes: Vec<_> = packs.iter().map(|pack| (&pack.nodes, pack.len)).collect();
-            lists::<4, 6>(&nodes, &batches, size, &coupled, &free_of_node, free)
+            let pattern = pattern.map_or_else(|| coupling(&nodes, &coupled, &number, free), Arc::clone);
+            lists::<4, 6>(&nodes, &batches, size, &free_of_node, pattern)
         };
         let averaging = groups.map(|groups| {
             let run_of = |e: u32| runs.partition_point(|run| run.end <= e as usize);
@@ -173,6 +190,7 @@ impl FemModel {
             mass,
             free_of_node,
             node_of_free,
+            held,
             pattern,
             upper_blocks,
             averaging,
@@ -248,12 +266,17 @@ impl FemModel {
         &self.mass
     }
 
-    /// Free number of every node, [`FIXED`] for fixed ones.
+    /// Free number of every node, [`FIXED`] for fixed ones and for those that are held.
     pub fn free_of_node(&self) -> &[u32] {
         &self.free_of_node
     }
 
-    /// Mesh node of every free node, ascending.
+    /// For every free node whether it is held: it has rows in the system, but does not move.
+    pub fn held(&self) -> &[bool] {
+        &self.held
+    }
+
+    /// Mesh node of every free node, held ones included, ascending.
     pub fn node_of_free(&self) -> &[u32] {
         &self.node_of_free
     }
@@ -353,23 +376,31 @@ fn packs_of_batch(kind: ElementKind) -> usize {
     BATCH / PACK / if kind == ElementKind::Quadratic { POINTS } else { 1 }
 }
 
-/// Pattern over the free nodes with its upper blocks, and the lists that fill them from packs, given by the nodes of their
-/// elements and their number; `cliques` of free nodes are coupled as well.
+/// Pattern over the free nodes of packs, given by the nodes of their elements and their number; `cliques` of free nodes are
+/// coupled as well.
+fn coupling<const N: usize>(
+    packs: &[(&[[u32; N]; PACK], usize)],
+    cliques: &[Vec<u32>],
+    free_of_node: &[u32],
+    free_nodes: usize,
+) -> Arc<BlockPattern> {
+    let elements = packs.iter().flat_map(|(nodes, len)| &nodes[..*len]);
+    let free: Vec<[u32; N]> = elements.map(|e| e.map(|i| free_of_node[i as usize])).collect();
+    let coupled = free.iter().map(<[u32; N]>::as_slice).chain(cliques.iter().map(Vec::as_slice));
+    Arc::new(BlockPattern::from_cliques(free_nodes, coupled))
+}
+
+/// The upper blocks of a pattern, and the lists that fill them from packs.
 fn lists<const N: usize, const B: usize>(
     packs: &[(&[[u32; N]; PACK], usize)],
     batches: &[Batch],
     size: usize,
-    cliques: &[Vec<u32>],
     free_of_node: &[u32],
-    free_nodes: usize,
+    pattern: Arc<BlockPattern>,
 ) -> (Arc<BlockPattern>, UpperBlocks, PackLists) {
-    let elements = packs.iter().flat_map(|(nodes, len)| &nodes[..*len]);
-    let free: Vec<[u32; N]> = elements.map(|e| e.map(|i| free_of_node[i as usize])).collect();
-    let coupled = free.iter().map(<[u32; N]>::as_slice).chain(cliques.iter().map(Vec::as_slice));
-    let pattern = BlockPattern::from_cliques(free_nodes, coupled);
     let upper = UpperBlocks::new(&pattern);
     let lists = PackLists::new::<N, B>(packs, batches, size, free_of_node, &pattern, &upper);
-    (Arc::new(pattern), upper, lists)
+    (pattern, upper, lists)
 }
 
 /// The tissues that differ, and the tissue of each region.
@@ -430,6 +461,18 @@ fn number_free_nodes(nodes: usize, fixed: &[u32]) -> (Vec<u32>, Vec<u32>) {
         node_of_free.push(i as u32);
     }
     (free_of_node, node_of_free)
+}
+
+/// Free numbers without those of held nodes, and which free nodes are held.
+fn hold<'a>(number: &[u32], free: usize, nodes: impl Iterator<Item = &'a u32>) -> (Vec<u32>, Vec<bool>) {
+    let (mut free_of_node, mut held) = (number.to_vec(), vec![false; free]);
+    for &node in nodes {
+        if number[node as usize] != FIXED {
+            held[number[node as usize] as usize] = true;
+            free_of_node[node as usize] = FIXED;
+        }
+    }
+    (free_of_node, held)
 }
 
 /// Runs of one key, tissue and whether the elements are curved, cut into batches of at most `size`. The keys are grouped.
