@@ -7,6 +7,7 @@
 
 use std::{hint::black_box, time::Instant};
 
+use cpu_time::ThreadTime;
 use criterion::{BenchmarkId, Criterion, Throughput};
 use palpate::fem::assembly::{FemWorkspace, assemble, incremental_energy, internal_forces};
 use palpate::fem::element::quadratic::{POINTS, QuadraticMatrices};
@@ -38,7 +39,7 @@ fn measure(c: &mut Criterion, case: String, world: &World) {
     group.finish();
 }
 
-/// Packs between two readings of the clock: short against the slices of time that other programs take.
+/// Packs between two readings of the clock.
 const PACKS: usize = 64;
 
 /// The liver all of one law and one kind of element.
@@ -51,7 +52,8 @@ fn liver_by(law: &Material, kind: ElementKind) -> World {
 }
 
 /// Median times (ns per element): forces and tangents one element at a time and in packs, and the whole assembly. Averaged
-/// elements stand under a pressure here; what their groups cost is part of the assembly.
+/// elements stand under a pressure here; what their groups cost is part of the assembly. Time of the thread, so that other
+/// programs count only by what they push out of the caches.
 fn kernels(law: &Material, world: &World, filter: bool) -> [f64; 3] {
     let (model, state) = (world.model(), bent(world.model()));
     let q = &state.q;
@@ -69,20 +71,20 @@ fn kernels(law: &Material, world: &World, filter: bool) -> [f64; 3] {
         _ => 41,
     };
     let mut times = [Vec::new(), Vec::new(), Vec::new()];
-    let mut read = |which: usize, elements: usize, start: Instant| {
+    let mut read = |which: usize, elements: usize, start: ThreadTime| {
         times[which].push(start.elapsed().as_secs_f64() * 1e9 / elements as f64);
     };
     for _ in 0..repetitions {
         if kind == ElementKind::Quadratic {
             let packs = model.quadratic_packs().chunks(PACKS);
             for (elements, packs) in model.quadratic_elements().chunks(PACK * PACKS).zip(packs) {
-                let start = Instant::now();
+                let start = ThreadTime::now();
                 for element in elements {
                     element.answer(&law, q, filter, &mut quadratic_matrices);
                     black_box(&quadratic_matrices);
                 }
                 read(0, elements.len(), start);
-                let start = Instant::now();
+                let start = ThreadTime::now();
                 for pack in packs {
                     for (at, point) in pack.at_points(q).iter().zip(&mut results) {
                         law.pack(at, filter, point);
@@ -94,7 +96,7 @@ fn kernels(law: &Material, world: &World, filter: bool) -> [f64; 3] {
             }
         }
         for (elements, packs) in model.elements().chunks(PACK * PACKS).zip(model.packs().chunks(PACKS)) {
-            let start = Instant::now();
+            let start = ThreadTime::now();
             for element in elements {
                 let edges = element.edges(q);
                 if kind == ElementKind::Averaged {
@@ -105,7 +107,7 @@ fn kernels(law: &Material, world: &World, filter: bool) -> [f64; 3] {
                 black_box(&matrices);
             }
             read(0, elements.len(), start);
-            let start = Instant::now();
+            let start = ThreadTime::now();
             for pack in packs {
                 let pressure = (kind == ElementKind::Averaged).then_some(&pressure);
                 law.pack(&DeformedPack { pressure, ..pack.at(q) }, filter, &mut results[0]);
@@ -113,7 +115,7 @@ fn kernels(law: &Material, world: &World, filter: bool) -> [f64; 3] {
             }
             read(1, elements.len(), start);
         }
-        let start = Instant::now();
+        let start = ThreadTime::now();
         black_box(assemble(model, &state, world.dt(), &[], &mut ws));
         read(2, model.elements().len(), start);
     }

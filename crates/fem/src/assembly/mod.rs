@@ -21,6 +21,7 @@ mod viscous;
 use nalgebra::{Matrix3, Vector3};
 
 use self::sum::{Wanted, sum_elements};
+use self::upper::Half;
 pub(crate) use self::{energy::sum_by_halves, packed::PackLists, upper::UpperBlocks};
 pub use self::{
     energy::{elastic_energy, incremental_energy},
@@ -170,8 +171,8 @@ pub fn assemble(
         for (p, block) in model.pattern().row(i).zip(blocks) {
             let K = model.upper_blocks().block(p, upper);
             let j = model.pattern().columns()[p] as usize;
-            Kv += K * state.v[model.node_of_free()[j] as usize];
-            *block = system_block(&K, coefficients, mass, i == j);
+            Kv += K.times(&state.v[model.node_of_free()[j] as usize]);
+            *block = system_block(K, coefficients, mass, i == j);
         }
         let f = f_ext.get(node).copied().unwrap_or_default()
             + f_int[node]
@@ -197,7 +198,7 @@ pub fn assemble_with(
         let mass = model.mass()[node];
         for (p, block) in model.pattern().row(i).zip(blocks) {
             let diagonal = model.pattern().columns()[p] as usize == i;
-            *block = system_block(&model.upper_blocks().block(p, upper), coefficients, mass, diagonal);
+            *block = system_block(model.upper_blocks().block(p, upper), coefficients, mass, diagonal);
         }
         f_ext.get(node).copied().unwrap_or_default() + f_int[node] + model.gravity() * mass
     });
@@ -226,13 +227,13 @@ pub fn volume_ratios(model: &FemModel, state: &FemState) -> Vec<f64> {
 
 /// One block of `mass M + stiffness K`. Diagonal blocks are made symmetric: their sums are so only up to rounding.
 #[inline]
-fn system_block(K: &Matrix3<f64>, coefficients: Coefficients, mass: f64, diagonal: bool) -> Matrix3<f64> {
-    if !diagonal {
-        return K * coefficients.stiffness;
-    }
-    let mut block = (K + K.transpose()) * (0.5 * coefficients.stiffness);
-    for c in 0..3 {
-        block[(c, c)] += coefficients.mass * mass;
+fn system_block(K: Half<'_>, coefficients: Coefficients, mass: f64, diagonal: bool) -> Matrix3<f64> {
+    let mut block = K.scaled(coefficients.stiffness);
+    if diagonal {
+        block = (block + block.transpose()) * 0.5;
+        for c in 0..3 {
+            block[(c, c)] += coefficients.mass * mass;
+        }
     }
     block
 }

@@ -2,7 +2,7 @@
 //!
 //! Only blocks `(i, j)` with `i <= j` are summed; those below the diagonal are their transposes.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::sparse::BlockPattern;
 
@@ -53,10 +53,40 @@ impl UpperBlocks {
         pattern.find(i, j).map(|p| self.upper_of_block[p])
     }
 
-    /// Block `p` of the pattern from the upper half.
+    /// The upper block that block `p` of the pattern is, or is the transpose of.
     #[inline]
-    pub(crate) fn block(&self, p: usize, upper: &[Matrix3<f64>]) -> Matrix3<f64> {
+    pub(crate) fn block<'a>(&self, p: usize, upper: &'a [Matrix3<f64>]) -> Half<'a> {
         let u = self.upper_of_block[p];
-        if u & TRANSPOSED == 0 { upper[u as usize] } else { upper[(u & !TRANSPOSED) as usize].transpose() }
+        let block = &upper[(u & !TRANSPOSED) as usize];
+        if u & TRANSPOSED == 0 { Half::Upper(block) } else { Half::Lower(block) }
+    }
+}
+
+/// A block of the symmetric matrix by its upper half.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Half<'a> {
+    /// The block itself.
+    Upper(&'a Matrix3<f64>),
+    /// The transpose of the block.
+    Lower(&'a Matrix3<f64>),
+}
+
+impl Half<'_> {
+    /// The block times `factor`.
+    #[inline]
+    pub(crate) fn scaled(self, factor: f64) -> Matrix3<f64> {
+        match self {
+            Half::Upper(block) => block * factor,
+            Half::Lower(block) => block.transpose() * factor,
+        }
+    }
+
+    /// The block times a vector.
+    #[inline]
+    pub(crate) fn times(self, v: &Vector3<f64>) -> Vector3<f64> {
+        match self {
+            Half::Upper(block) => block * v,
+            Half::Lower(block) => block.tr_mul(v),
+        }
     }
 }

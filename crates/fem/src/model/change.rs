@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{FemConfig, FemError, FemModel, FemState, number_free_nodes};
+use super::{FemConfig, FemError, FemModel, FemState, setup::number_free_nodes};
 use crate::{
     element::{ElementKind, quadratic::POINTS},
     mesh::TetMesh,

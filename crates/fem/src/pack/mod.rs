@@ -10,6 +10,7 @@
 #![allow(non_snake_case)]
 
 mod curved;
+mod points;
 mod quadratic;
 mod shares;
 mod straight;

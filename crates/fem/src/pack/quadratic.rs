@@ -1,16 +1,18 @@
 //! Quadratic tetrahedra in packs of eight.
 
 use nalgebra::Vector3;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Arch;
 
-use super::{DeformedPack, Edges, PACK, Pack, PackMatrices, QuadraticPackMatrices, Row, curved, straight};
+use super::{
+    DeformedPack, PACK, Pack, PackMatrices, QuadraticPackMatrices, Row,
+    points::{Blocks, EdgesAtPoints, Forces},
+};
 use crate::{
     element::{
         QuadraticTetrahedron, Tetrahedron, UNIT,
         quadratic::{EDGES, POINTS},
     },
-    lanes::{Lanes, Real},
-    material::kernel::{Dispatch, TRIANGLE},
+    material::kernel::Dispatch,
 };
 
 /// What a law answers at the points of quadrature, as linear elements.
@@ -24,22 +26,22 @@ pub struct QuadraticPack {
     pub nodes: [[u32; 10]; PACK],
     /// Number of elements, 1 to 8.
     pub len: usize,
-    shape: Shape,
+    pub(super) shape: Shape,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-enum Shape {
+pub(super) enum Shape {
     /// The shape of all points, with their weight (a quarter of the volume each).
     Straight(Box<Pack>),
     Curved(Box<Curved>),
 }
 
 #[derive(Clone, Debug, PartialEq)]
-struct Curved {
+pub(super) struct Curved {
     /// Unit shapes with the weights of the points.
     points: [Pack; POINTS],
     /// Components of the gradients of nodes 1 to 9 at the points (1/m).
-    gradients: [[[Row; 3]; 9]; POINTS],
+    pub(super) gradients: [[[Row; 3]; 9]; POINTS],
 }
 
 impl QuadraticPack {
@@ -84,7 +86,7 @@ impl QuadraticPack {
         self.at_points_on(Arch::new(), q)
     }
 
-    fn at_points_on(&self, dispatch: impl Dispatch, q: &[Vector3<f64>]) -> [DeformedPack<'_>; POINTS] {
+    pub(super) fn at_points_on(&self, dispatch: impl Dispatch, q: &[Vector3<f64>]) -> [DeformedPack<'_>; POINTS] {
         let mut x = [[[0.0; PACK]; 3]; 10];
         for (lane, nodes) in self.nodes.iter().enumerate() {
             // From node 0, for the sake of rounding far from the origin.
@@ -112,7 +114,12 @@ impl QuadraticPack {
         self.sum_points_on(Arch::new(), points, out);
     }
 
-    fn sum_points_on(&self, dispatch: impl Dispatch, points: &PointMatrices, out: &mut QuadraticPackMatrices) {
+    pub(super) fn sum_points_on(
+        &self,
+        dispatch: impl Dispatch,
+        points: &PointMatrices,
+        out: &mut QuadraticPackMatrices,
+    ) {
         self.sum_forces_on(dispatch, points, out);
         for c in 0..3 {
             for r in c..3 {
@@ -149,211 +156,4 @@ fn ascending_corners(nodes: [u32; 10]) -> [u32; 10] {
             nodes[4 + edge.unwrap_or_default()]
         }
     })
-}
-
-/// Parts into which vectors of `S` cut the elements of a pack.
-#[inline(always)]
-fn parts<S: Simd>(pack: &QuadraticPack) -> usize {
-    pack.len.min(PACK).div_ceil(Lanes::<S>::COUNT)
-}
-
-/// The gradients of one part of a pack.
-#[inline(always)]
-fn gradients<S: Simd>(simd: S, rows: &[[Row; 3]; 9], part: usize) -> curved::Gradients<Lanes<S>> {
-    let mut gradients = [[Lanes::load(simd, &rows[0][0], part); 3]; 9];
-    for i in 0..9 {
-        for c in 0..3 {
-            gradients[i][c] = Lanes::load(simd, &rows[i][c], part);
-        }
-    }
-    gradients
-}
-
-struct EdgesAtPoints<'a> {
-    pack: &'a QuadraticPack,
-    /// Nodes from node 0 on (m).
-    x: &'a [[Row; 3]; 10],
-    edges: &'a mut [Edges; POINTS],
-}
-
-impl WithSimd for EdgesAtPoints<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { pack, x, edges } = self;
-        for part in 0..parts::<S>(pack) {
-            for c in 0..3 {
-                let mut of_nodes = [Lanes::<S>::load(simd, &x[0][c], part); 10];
-                for i in 1..10 {
-                    of_nodes[i] = Lanes::load(simd, &x[i][c], part);
-                }
-                let at_points = match &pack.shape {
-                    Shape::Straight(_) => straight::edges_at_points(&of_nodes),
-                    Shape::Curved(shape) => {
-                        let [_, x1, x2, x3, x4, x5, x6, x7, x8, x9] = of_nodes;
-                        let from_first = [x1, x2, x3, x4, x5, x6, x7, x8, x9];
-                        let mut at_points = [[x1; 3]; POINTS];
-                        for k in 0..POINTS {
-                            let g = gradients(simd, &shape.gradients[k], part);
-                            at_points[k] = curved::edges_at_point(&from_first, &g);
-                        }
-                        at_points
-                    }
-                };
-                for k in 0..POINTS {
-                    for a in 0..3 {
-                        at_points[k][a].store(&mut edges[k][a][c], part);
-                    }
-                }
-            }
-        }
-    }
-}
-
-struct Forces<'a> {
-    pack: &'a QuadraticPack,
-    points: &'a PointMatrices,
-    out: &'a mut QuadraticPackMatrices,
-}
-
-impl WithSimd for Forces<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { pack, points, out } = self;
-        for part in 0..parts::<S>(pack) {
-            for c in 0..3 {
-                let mut at = [[Lanes::<S>::load(simd, &points[0].forces[0][c], part); 4]; POINTS];
-                for k in 0..POINTS {
-                    for a in 0..4 {
-                        at[k][a] = Lanes::load(simd, &points[k].forces[a][c], part);
-                    }
-                }
-                let nodes = match &pack.shape {
-                    Shape::Straight(_) => straight::to_nodes(&at),
-                    Shape::Curved(shape) => {
-                        let mut nodes = [at[0][0].constant(0.0); 9];
-                        for k in 0..POINTS {
-                            let [_, f1, f2, f3] = at[k];
-                            let g = gradients(simd, &shape.gradients[k], part);
-                            curved::add_to_nodes(&[f1, f2, f3], &g, &mut nodes);
-                        }
-                        curved::complete(&nodes)
-                    }
-                };
-                for i in 0..10 {
-                    nodes[i].store(&mut out.forces[i][c], part);
-                }
-            }
-        }
-    }
-}
-
-/// Entries `(r, c)` and `(c, r)` of all blocks.
-struct Blocks<'a> {
-    pack: &'a QuadraticPack,
-    points: &'a PointMatrices,
-    r: usize,
-    c: usize,
-    out: &'a mut QuadraticPackMatrices,
-}
-
-impl WithSimd for Blocks<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { pack, points, r, c, out } = self;
-        for part in 0..parts::<S>(pack) {
-            match &pack.shape {
-                Shape::Straight(_) => {
-                    // By column, point and row.
-                    let mut columns = [[[Lanes::<S>::load(simd, &points[0].jacobian, part); 4]; POINTS]; 10];
-                    for k in 0..POINTS {
-                        let rows = load_rows(simd, &points[k], r, c, part);
-                        for a in 0..4 {
-                            let of_row = straight::to_columns(&rows[a], k);
-                            for j in 0..10 {
-                                columns[j][k][a] = of_row[j];
-                            }
-                        }
-                    }
-                    for j in 0..10 {
-                        store_column(&straight::to_nodes(&columns[j]), j, r, c, out, part);
-                    }
-                }
-                Shape::Curved(shape) => {
-                    let zero = Lanes::<S>::load(simd, &points[0].jacobian, part).constant(0.0);
-                    let mut columns = [[zero; 9]; 9];
-                    for k in 0..POINTS {
-                        let rows = load_rows(simd, &points[k], r, c, part);
-                        let g = gradients(simd, &shape.gradients[k], part);
-                        let mut of_rows = [[zero; 9]; 3];
-                        for a in 0..3 {
-                            let [_, b1, b2, b3] = rows[a + 1];
-                            of_rows[a] = curved::to_columns(&[b1, b2, b3], &g);
-                        }
-                        for j in 0..9 {
-                            let at = [of_rows[0][j], of_rows[1][j], of_rows[2][j]];
-                            curved::add_to_nodes(&at, &g, &mut columns[j]);
-                        }
-                    }
-                    let mut first = [zero; 9];
-                    for j in 0..9 {
-                        for i in 0..9 {
-                            first[i] = first[i] - columns[j][i];
-                        }
-                        store_column(&curved::complete(&columns[j]), j + 1, r, c, out, part);
-                    }
-                    store_column(&curved::complete(&first), 0, r, c, out, part);
-                }
-            }
-        }
-    }
-}
-
-/// Entry `(r, c)` of the blocks `K_ab` of the linear elements at a point, by `a` and `b`.
-#[inline(always)]
-fn load_rows<S: Simd>(simd: S, point: &PackMatrices, r: usize, c: usize, part: usize) -> [[Lanes<S>; 4]; 4] {
-    let diagonal = TRIANGLE[r][c];
-    let mut rows = [[Lanes::load(simd, &point.diagonal[0][diagonal], part); 4]; 4];
-    let mut k = 0;
-    for a in 0..4 {
-        rows[a][a] = Lanes::load(simd, &point.diagonal[a][diagonal], part);
-        for b in a + 1..4 {
-            rows[a][b] = Lanes::load(simd, &point.off_diagonal[k][3 * c + r], part);
-            rows[b][a] = Lanes::load(simd, &point.off_diagonal[k][3 * r + c], part);
-            k += 1;
-        }
-    }
-    rows
-}
-
-/// Stores entry `(r, c)` of the blocks `K_ij` of a column `j`.
-#[inline(always)]
-fn store_column<S: Simd>(
-    column: &[Lanes<S>; 10],
-    j: usize,
-    r: usize,
-    c: usize,
-    out: &mut QuadraticPackMatrices,
-    part: usize,
-) {
-    for i in 0..10 {
-        if i < j {
-            column[i].store(&mut out.off_diagonal[place(i, j)][3 * c + r], part);
-        } else if i == j {
-            column[i].store(&mut out.diagonal[i][TRIANGLE[r][c]], part);
-        } else if r != c {
-            column[i].store(&mut out.off_diagonal[place(j, i)][3 * r + c], part);
-        }
-    }
-}
-
-/// Place of the block of nodes `i < j` off the diagonal.
-#[inline(always)]
-const fn place(i: usize, j: usize) -> usize {
-    i * (19 - i) / 2 + j - i - 1
 }

@@ -6,6 +6,7 @@
 
 #![allow(non_snake_case)]
 
+mod frame;
 pub mod principal;
 mod six_pieces;
 mod small_strain;
