@@ -89,6 +89,21 @@ fn a_step_allocates_nothing_while_contacts_come_and_go() {
     }
 }
 
+/// To this tolerance thirty sweeps do not settle the problem, and Newton's method does.
+#[test]
+fn a_step_whose_contact_solver_falls_back_allocates_nothing() {
+    let world = block::world(|scene| scene.solver.tolerance = 1e-11);
+    on_a_worker(|| {
+        let mut simulation = Simulation::new(&world).unwrap();
+        let mut press = || (0..STEPS).filter(|&k| simulation.step(&pose(k)).attempts > 1).count();
+        press();
+        let mut fell_back = 0;
+        let seen = violations(|| fell_back = press());
+        assert_eq!(seen, 0);
+        assert!(fell_back > 10, "{fell_back}");
+    });
+}
+
 #[test]
 fn a_step_that_fails_allocates_nothing_either() {
     let (_, _, world) = worlds().next().unwrap();

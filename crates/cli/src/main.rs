@@ -2,6 +2,7 @@
 
 mod arguments;
 mod chart;
+mod choices;
 mod command;
 mod exit;
 mod output;

@@ -9,7 +9,7 @@ pub(crate) fn summary(s: &RunSummary) -> String {
         "{} ({}, {} nodes, {} tetrahedra): {:.2} s, {}",
         s.scene, s.mode, s.nodes, s.tetrahedra, s.simulated, s.end
     )];
-    lines.push(format!("integrator: {}; contact by {}", s.integrator, s.contact));
+    lines.push(format!("integrator: {}; contact by {}; law {}", s.integrator, s.contact, s.law));
     lines.push(format!("plan: {}", s.plan));
     lines.push(tails(s).to_string());
     lines.push(facts(s).to_string());
@@ -69,6 +69,13 @@ fn facts(s: &RunSummary) -> Table {
         "worst complementarity residual: step / tick".to_string(),
         format!("{:.2e} / {:.2e}", s.worst_residual, s.worst_tick_residual),
     ]);
+    if !s.answered.is_empty() {
+        let by: Vec<_> = s.answered.iter().map(|(solver, steps)| format!("{solver} {steps}")).collect();
+        table.add_row([
+            "steps in contact by solver / with a fall-back".to_string(),
+            format!("{} / {}", by.join(", "), s.fall_backs),
+        ]);
+    }
     table.add_row(["deepest overlap after a correction [mm]".to_string(), format!("{:.4}", 1e3 * s.overlap)]);
     table.add_row([
         "factors before their turn / steps in contact with exact compliance".to_string(),

@@ -51,10 +51,10 @@ impl<'w> Engine<'w> {
         let (step_line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, &mut notes)?;
         let ticker = Ticker::new(world, device, snapshot_reader, pose_writer, tick_line)?;
         let state = StepState::new(world, rest);
-        let problems = options.problems.clone().map(ProblemFiles::new);
+        ws.problem_files = options.problems.clone().map(ProblemFiles::new);
         let (snapshots, poses, line) = (snapshot_writer, pose_reader, step_line);
         let watch = RefreshWatch::new(world.plan().accuracy);
-        let stage = StepStage { world, state, ws, port, watch, urged: false, snapshots, poses, line, problems };
+        let stage = StepStage { world, state, ws, port, watch, urged: false, snapshots, poses, line };
         Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes })
     }
 
@@ -68,7 +68,7 @@ impl<'w> Engine<'w> {
     /// Ends the trace and sums the run up. `wall` is the time it took in real time (s).
     pub(crate) fn finish(self, mut gathering: Gathering, wall: Option<f64>) -> RunOutcome {
         gathering.notes.splice(0..0, self.notes);
-        gathering.notes.extend(self.stage.problems.as_ref().map(ProblemFiles::note));
+        gathering.notes.extend(self.stage.ws.problem_files.as_ref().map(ProblemFiles::note));
         let trace = self.trace.map(|trace| trace.finish(&gathering));
         RunOutcome { summary: gathering.summary(self.world, wall, trace), state: self.stage.state.fem }
     }
@@ -94,7 +94,6 @@ pub(crate) struct StepStage<'w> {
     snapshots: Writer<HapticSnapshot>,
     poses: Reader<Isometry3<f64>>,
     line: StepLine,
-    problems: Option<ProblemFiles>,
 }
 
 impl StepStage<'_> {
@@ -103,9 +102,6 @@ impl StepStage<'_> {
         let input = StepInput { time, tool: *self.poses.latest(), factor: self.port.factor() };
         let report = step(self.world, &input, &mut self.state, &mut self.ws, self.snapshots.value_mut());
         self.snapshots.publish();
-        if let Some(problems) = &mut self.problems {
-            problems.save(&report, self.ws.problem());
-        }
         self.urged = false;
         if report.status == StepStatus::Advanced {
             let (q, system) = (self.state.before(), &self.ws.fem.system);

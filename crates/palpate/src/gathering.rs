@@ -1,5 +1,7 @@
 //! Gathers the reports of a run into its summary.
 
+use std::collections::BTreeMap;
+
 use palpate_constraints::compliance::ComplianceMethod;
 
 use crate::record::TraceOutcome;
@@ -37,6 +39,8 @@ pub(crate) struct Gathering {
     tick_overruns: u64,
     factors_refused: u64,
     contacts_dropped: u64,
+    fall_backs: u64,
+    answered: BTreeMap<&'static str, u64>,
     shortened: u64,
     unsettled: u64,
     filtered: u64,
@@ -77,6 +81,8 @@ impl Gathering {
             tick_overruns: 0,
             factors_refused: 0,
             contacts_dropped: 0,
+            fall_backs: 0,
+            answered: BTreeMap::new(),
             shortened: 0,
             unsettled: 0,
             filtered: 0,
@@ -103,6 +109,10 @@ impl Gathering {
         self.step_overruns += u64::from(report.overruns);
         self.contacts_dropped += report.detection.dropped as u64;
         self.factors_refused += u64::from(report.refused);
+        self.fall_backs += u64::from(report.attempts > 1);
+        if report.attempts > 0 {
+            *self.answered.entry(report.solver).or_default() += 1;
+        }
         self.shortened += u64::from(report.cuts > 0);
         self.unsettled += u64::from(report.unsettled);
         self.filtered += u64::from(report.assembly.filtered);
@@ -168,6 +178,7 @@ impl Gathering {
             mode: if wall.is_some() { "real time" } else { "lockstep" },
             integrator: world.integration().to_string(),
             contact: world.contact_method(),
+            law: world.description().contact.law_in_words(),
             end: self.end,
             simulated: self.time + 1.0 / world.description().rates.tick,
             wall: wall.unwrap_or(0.0),
@@ -199,6 +210,8 @@ impl Gathering {
             contacts_dropped: self.contacts_dropped,
             worst_residual: self.worst_residual,
             worst_tick_residual: self.worst_tick_residual,
+            fall_backs: self.fall_backs,
+            answered: self.answered,
             shortened: self.shortened,
             unsettled: self.unsettled,
             filtered: self.filtered,

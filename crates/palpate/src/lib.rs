@@ -21,7 +21,7 @@ pub mod export;
 mod gathering;
 mod lockstep;
 mod pace;
-mod problem_files;
+pub mod problem_files;
 mod realtime;
 mod record;
 pub mod refresh;

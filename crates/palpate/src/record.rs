@@ -233,6 +233,7 @@ impl StepLine {
             correction_iterations: report.error.correction_iterations,
             overlap: report.error.overlap,
             cuts: report.cuts,
+            solver_attempts: report.attempts,
         });
         line.push_positions(time_ns, |positions| {
             for (x, q) in positions.chunks_exact_mut(3).zip(&state.q) {

@@ -41,8 +41,8 @@ pub struct RunOptions {
     pub threads: Option<usize>,
     /// Trace to write.
     pub trace: Option<PathBuf>,
-    /// Existing folder for the contact problem of each step that has contacts. Written by the step, which is slower for
-    /// it; the tick is not.
+    /// Existing folder for the contact problems of all steps, one file each (see [`crate::problem_files`]). Written by the
+    /// step, which is slower for it and allocates; the tick is not and does not.
     pub problems: Option<PathBuf>,
 }
 

@@ -1,5 +1,6 @@
 //! What a run was like: rates, tails of times, iterations, residuals.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -99,6 +100,8 @@ pub struct RunSummary {
     pub integrator: String,
     /// How contact forces were found at step rate, with the parameters of the method.
     pub contact: String,
+    /// The law of contact, with its parameters.
+    pub law: String,
     /// Where the compliance came from, when matrices were factored, and why.
     pub plan: String,
     /// How the run ended.
@@ -161,6 +164,10 @@ pub struct RunSummary {
     pub worst_residual: f64,
     /// Worst relative natural-map residual of a tick.
     pub worst_tick_residual: f64,
+    /// Steps in which the automatic choice of the contact solver fell back from its first.
+    pub fall_backs: u64,
+    /// Steps in contact by the solver whose forces were taken, or by the direct method.
+    pub answered: BTreeMap<&'static str, u64>,
     /// Steps whose motion the guard or Newton's line search shortened.
     pub shortened: u64,
     /// Steps by Newton's method whose contact forces still changed when their passes were used up.

@@ -159,6 +159,12 @@ impl From<GaussSeidelConfig> for Solver {
     }
 }
 
+impl From<AutomaticConfig> for Solver {
+    fn from(config: AutomaticConfig) -> Self {
+        Solver::Automatic(config)
+    }
+}
+
 impl Default for Solver {
     fn default() -> Self {
         Solver::GaussSeidel(GaussSeidelConfig::default())

@@ -101,6 +101,7 @@ impl Bits {
             correction_iterations: self.count() as u32,
             overlap: self.double(),
             cuts: self.count() as u32,
+            solver_attempts: self.count() as u32,
         }
     }
 }
@@ -123,7 +124,7 @@ fn step_bits(r: &StepRecord) -> Vec<u64> {
     let more = [r.correction_ns, r.snapshot_ns, r.total_ns, r.step, r.time_ns, r.factor_epoch];
     let counts =
         [r.contacts, r.cg_iterations, r.solver_sweeps, r.inverted_elements, r.filtered_elements, r.cuts, r.flags.0];
-    let counts = counts.map(u64::from).into_iter().chain([r.worst_row as u64]);
+    let counts = counts.map(u64::from).into_iter().chain([r.worst_row as u64, r.solver_attempts.into()]);
     doubles.chain(durations).chain(more).chain(counts).collect()
 }
 

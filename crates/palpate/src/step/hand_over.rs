@@ -3,7 +3,6 @@
 use palpate_constraints::rows::ContactRows;
 use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
 
-use super::stages::contact_law;
 use super::{StepInput, StepReport, StepState, StepStatus, StepWorkspace};
 use crate::world::World;
 
@@ -63,7 +62,7 @@ fn push_rows(
         }
         let Some(contact) = state.contacts.contacts.get(block.contact as usize) else { return false };
         snapshot.push(&SnapshotContact {
-            law: contact_law(world),
+            law: world.description().contact.contact_law(),
             feature: contact.feature,
             tool_rows: &tool_rows[..count],
             delta_free: &rows.delta_free[range.clone()],

@@ -5,7 +5,7 @@
 //!                                              preconditioned by the latest factor, warped by nodal rotations
 //! delta_free = delta(q) + H h (v + dv)         gap if nothing touched (m)
 //! W = h² H A⁻¹ Hᵀ                              compliance (m/N) by half solves of the latest (warped) or this step's factor
-//! delta = W lambda + delta_free, Coulomb       the scene's solver, warm-started by contact feature
+//! delta = W lambda + delta_free, law            the scene's solver, warm-started by contact feature
 //! v+ = v + dv + h A⁻¹ Hᵀ lambda, q+ = q + h v+
 //! ```
 //!

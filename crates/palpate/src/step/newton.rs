@@ -45,6 +45,7 @@ pub(super) fn newton_with_contact(
         stages::rows(world, tool, state, ws, report);
         stages::compliance(world, input.factor, 0, ws, report);
         relieve(ws);
+        stages::choose_laws(world, ws);
         report.times.compliance += clock.lap();
         (report.active, report.indentation) = (0, 0.0);
         stages::solve(world, input, state, ws, report);

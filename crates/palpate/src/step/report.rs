@@ -134,6 +134,10 @@ pub struct StepReport {
     /// Constraint solve. Iterations are those of the scene's solver, interior-point iterations of Lagrange multipliers or
     /// Newton's of penalty contact; the residual is that of the law of contact for each.
     pub solve: SolveReport,
+    /// Solvers that were tried: above 1 where the automatic choice fell back. The most of all solves of the step.
+    pub attempts: u32,
+    /// Register name of the solver whose forces were taken, or of the direct method; empty where nothing was solved.
+    pub solver: &'static str,
     /// Contacts that carry a force.
     pub active: usize,
     /// Force of the tissue on the tool (N).
@@ -185,6 +189,8 @@ impl StepReport {
             refused: false,
             unsettled: false,
             solve: NOT_SOLVED,
+            attempts: 0,
+            solver: "",
             active: 0,
             force: Vector3::zeros(),
             torque: Vector3::zeros(),
@@ -199,7 +205,7 @@ impl StepReport {
     }
 
     /// Names and units of [`StepReport::row`].
-    pub const COLUMNS: [&'static str; 32] = [
+    pub const COLUMNS: [&'static str; 33] = [
         "step",
         "time_s",
         "tool_x_m",
@@ -221,6 +227,7 @@ impl StepReport {
         "active_contacts",
         "residual",
         "sweeps",
+        "solver_attempts",
         "cg_iterations",
         "cg_residual",
         "cuts",
@@ -235,7 +242,7 @@ impl StepReport {
     ];
 
     /// The report as one row of a table.
-    pub fn row(&self) -> [f64; 32] {
+    pub fn row(&self) -> [f64; 33] {
         let p = self.tool.translation.vector;
         let r = self.tool.rotation;
         [
@@ -260,6 +267,7 @@ impl StepReport {
             self.active as f64,
             self.solve.residual,
             f64::from(self.solve.iterations),
+            f64::from(self.attempts),
             self.free_motion.iterations as f64,
             self.free_motion.relative_residual,
             f64::from(self.cuts),

@@ -4,7 +4,6 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 use palpate_collision::contact::Contact;
 use palpate_collision::detection::detect;
 use palpate_constraints::compliance::{self, ComplianceMethod, WarpedInverse};
-use palpate_constraints::law::{Coulomb, Law, Signorini};
 use palpate_constraints::rows::{RowInput, ToolMotion, build_fixed_rows, build_rows};
 use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::integrator::backward_euler::factor_end;
@@ -12,6 +11,7 @@ use palpate_fem::integrator::explicit::explicit_velocity;
 use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
 use palpate_fem::rotation::nodal_rotations;
 use palpate_solver::report::{SolveReport, SolveStatus};
+use palpate_solver::solver::SolverWorkspace;
 
 use super::direct::direct_contact;
 use super::preconditioner::StepPreconditioner;
@@ -100,18 +100,17 @@ pub(super) fn rows(
     ws: &mut StepWorkspace,
     report: &mut StepReport,
 ) {
-    let friction = world.description().contact.friction;
+    let law = world.description().contact.contact_law();
     let input = RowInput {
         free_of_node: world.model().free_of_node(),
         v_free: &ws.v_free,
         dt: ws.dt,
         tool_reference: tool.translation.vector,
         tool_motion: state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::between(&before, tool)),
-        friction: friction > 0.0,
+        friction: law.rows() > 1,
     };
     report.rows = build_rows(&state.contacts.contacts, &input, &mut ws.rows);
     build_fixed_rows(&state.contacts.contacts, &input, &mut ws.fixed_rows);
-    let law = contact_law(world);
     // As many rows as the capacity was made for: the reset cannot fail, and an empty problem is a safe one if it did.
     if ws.problem.reset(ws.rows.len()).is_err() {
         ws.rows.clear();
@@ -119,12 +118,17 @@ pub(super) fn rows(
     }
     ws.rows.blocks.iter().for_each(|_| ws.problem.push_block(law));
     ws.problem.delta_free_mut().copy_from_slice(&ws.rows.delta_free);
+    choose_laws(world, ws);
 }
 
-/// The law of a contact with the tool.
-pub(super) fn contact_law(world: &World) -> Law {
-    let friction = world.description().contact.friction;
-    if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() }
+/// Gives each block the law that belongs to its free gap.
+pub(super) fn choose_laws(world: &World, ws: &mut StepWorkspace) {
+    let law = world.description().contact.contact_law();
+    for (k, block) in ws.rows.blocks.iter().enumerate() {
+        if let Some(&gap) = ws.rows.delta_free.get(block.first_row as usize) {
+            ws.problem.set_law(k, law.at_free_gap(gap));
+        }
+    }
 }
 
 /// `W = h² H A⁻¹ Hᵀ` from the latest factor, warped by the rotations since it was taken, from this step's own, or from the
@@ -201,18 +205,33 @@ pub(super) fn solve(
     report: &mut StepReport,
 ) {
     let m = ws.rows.len();
+    let solved = m > 0 && report.compliance.usable;
     ws.lambda[..m].fill(0.0);
     report.solve = SolveReport { status: SolveStatus::Solved, residual: 0.0, worst_gap: 0.0, ..NOT_SOLVED };
-    if m > 0 && !report.compliance.usable {
+    if solved && ws.direct.is_none() {
+        let (contacts, all) = (&state.contacts.contacts, 0..ws.rows.blocks.len());
+        state.warm_start.fetch(contacts, &ws.rows, all, WARM_START_RADIUS, &mut ws.lambda[..m]);
+    }
+    if let Some(files) = &mut ws.problem_files {
+        files.begin(&ws.lambda[..m]);
+    }
+    if m > 0 && !solved {
         report.solve = NOT_SOLVED;
-    } else if m > 0 && ws.direct.is_some() {
+    } else if solved && ws.direct.is_some() {
         direct_contact(world, input, state, ws, report);
-    } else if m > 0 {
-        let lambda = &mut ws.lambda[..m];
-        state.warm_start.fetch(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), WARM_START_RADIUS, lambda);
-        report.solve = ws.solver.solve(&ws.problem.view(), lambda, &mut ws.solver_workspace);
+    } else if solved {
+        report.solve = ws.solver.solve(&ws.problem.view(), &mut ws.lambda[..m], &mut ws.solver_workspace);
+    }
+    if solved {
+        let (attempts, solver) = tried(world, ws);
+        if attempts >= report.attempts {
+            (report.attempts, report.solver) = (attempts, solver);
+        }
     }
     let lambda = &ws.lambda[..m];
+    if let Some(files) = ws.problem_files.as_mut().filter(|_| solved) {
+        files.save(report.step, &ws.problem, lambda);
+    }
     state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), lambda);
 
     let wrench = ws.rows.wrench(lambda);
@@ -230,6 +249,18 @@ pub(super) fn solve(
         report.indentation = report.indentation.max(push.dot(&contact.normal));
     }
     report.tangential_force = friction.norm();
+}
+
+/// How many solvers the last solve tried, and whose forces were taken.
+fn tried(world: &World, ws: &StepWorkspace) -> (u32, &'static str) {
+    if ws.direct.is_some() {
+        return (1, world.description().contact.method.name());
+    }
+    let SolverWorkspace::Automatic(automatic) = &ws.solver_workspace else { return (1, ws.solver.name()) };
+    let attempts = automatic.attempts();
+    // The first of equals, as the automatic choice itself takes it.
+    let best = attempts.iter().reduce(|best, a| if a.report.residual < best.report.residual { a } else { best });
+    (attempts.len() as u32, best.map_or(ws.solver.name(), |best| best.solver))
 }
 
 /// The contact's tissue point in another configuration of the body.

@@ -15,11 +15,13 @@ use palpate_fem::integrator::newton::ImplicitWorkspace;
 use palpate_fem::model::{FemModel, FemState};
 use palpate_fem::nodal_rows::NodalRows;
 use palpate_fem::pcg::PcgWorkspace;
+use palpate_solver::automatic::AutomaticConfig;
 use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::solver::{Solver, SolverWorkspace};
 use std::sync::Arc;
 
 use super::direct::DirectStage;
+use crate::problem_files::ProblemFiles;
 use crate::world::{Integration, World};
 
 /// Rows of a contact with friction.
@@ -178,6 +180,8 @@ pub struct StepWorkspace {
     pub(super) trial: FemState,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
+    /// Where the problems go that are solved, if they are kept.
+    pub(crate) problem_files: Option<ProblemFiles>,
 }
 
 impl StepWorkspace {
@@ -203,7 +207,11 @@ impl StepWorkspace {
         let contacts = world.detection().max_contacts;
         let rows = ROWS * contacts;
         let wanted = &world.description().solver;
-        let solver = wanted.kind.solver().limited(wanted.tolerance, Some(wanted.max_sweeps));
+        let solver = match wanted.kind.solver() {
+            Solver::Automatic(config) => AutomaticConfig { bounded: true, ..config }.into(),
+            solver => solver,
+        };
+        let solver = solver.limited(wanted.tolerance, Some(wanted.max_sweeps));
         let own = world.plan().has_own_factor();
         let (mut newton, mut explicit, mut dt) = (None, None, world.dt());
         match *world.integration() {
@@ -245,6 +253,7 @@ impl StepWorkspace {
             sample: vec![0.0; 3 * free],
             lambda_of_sample: vec![0.0; rows],
             size: world.mesh().bounding_box().diagonal(),
+            problem_files: None,
         }
     }
 }

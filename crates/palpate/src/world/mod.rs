@@ -173,12 +173,12 @@ impl World {
         let c = &d.contact;
         let _ = writeln!(
             text,
-            "contact at {} by {} within {:.1} mm, friction {}, at most {} contacts",
+            "contact at {} by {} within {:.1} mm, at most {} contacts; law {}",
             format!("{:?}", c.at).to_lowercase(),
             self.contact_method(),
             c.margin * 1e3,
-            c.friction,
-            c.max_contacts
+            c.max_contacts,
+            c.law_in_words()
         );
         let _ = writeln!(text, "solver: {}", one_line(&d.solver));
         let _ = writeln!(text, "integrator: {}", self.integration);
