@@ -16,6 +16,7 @@ const MAY_KNOW: &[(&str, &[&str])] = &[
         &[
             "palpate-fem",
             "palpate-collision",
+            "palpate-rigid",
             "palpate-constraints",
             "palpate-solver",
             "palpate-haptics",

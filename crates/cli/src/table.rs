@@ -13,6 +13,7 @@ pub(crate) fn summary(s: &RunSummary) -> String {
     lines.push(format!("plan: {}", s.plan));
     lines.push(tails(s).to_string());
     lines.push(facts(s).to_string());
+    lines.extend(s.rigid_bodies.iter().map(|body| format!("rigid body {body}")));
     if let Some(trace) = &s.trace {
         let trouble = trace.error.as_deref().map(|e| format!("; {e}")).unwrap_or_default();
         lines.push(format!(
@@ -49,6 +50,9 @@ fn tails(s: &RunSummary) -> Table {
         row("error of the compliance [%]", &s.compliance_error, 1e2, 2);
     }
     row("contacts", &s.contacts, 1.0, 0);
+    if s.body_contacts.max > 0.0 {
+        row("contacts of fixed and rigid bodies", &s.body_contacts, 1.0, 0);
+    }
     table
 }
 

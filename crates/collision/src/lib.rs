@@ -1,4 +1,4 @@
-//! Contacts between a tool and a deforming surface. Knows shapes and triangles, not physics.
+//! Contacts of tools and solids with a deforming surface, and of solids with one another. Knows shapes and triangles, not physics.
 
 pub mod broad_phase;
 pub mod contact;
@@ -8,6 +8,10 @@ mod features;
 pub mod hull;
 pub mod narrow_phase;
 pub mod shape;
+pub mod solid;
+pub mod solid_contact;
+pub mod solid_detection;
+pub mod solid_mesh;
 pub mod tree;
 pub mod triangle;
 
@@ -15,3 +19,6 @@ pub use broad_phase::{SurfaceError, SurfaceGeometry};
 pub use contact::{Contact, ContactSet};
 pub use detection::{ContactKind, DetectionConfig, DetectionReport, DetectionWorkspace, detect};
 pub use shape::{ShapeError, ToolShape};
+pub use solid::{Solid, SolidError};
+pub use solid_contact::{SolidContact, meet};
+pub use solid_detection::detect_solid;

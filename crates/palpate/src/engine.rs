@@ -12,6 +12,7 @@ use crate::refresh::{FactorSample, Refresh, RefreshPort, RefreshWatch, refresh};
 use crate::run::{RunError, RunOptions, RunOutcome};
 use crate::settle::settle;
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, step};
+use crate::summary::RigidEnd;
 use crate::tick::Ticker;
 use crate::world::World;
 
@@ -70,7 +71,9 @@ impl<'w> Engine<'w> {
         gathering.notes.splice(0..0, self.notes);
         gathering.notes.extend(self.stage.ws.problem_files.as_ref().map(ProblemFiles::note));
         let trace = self.trace.map(|trace| trace.finish(&gathering));
-        RunOutcome { summary: gathering.summary(self.world, wall, trace), state: self.stage.state.fem }
+        let mut summary = gathering.summary(self.world, wall, trace);
+        summary.rigid_bodies = RigidEnd::all(self.world, &self.stage.state.rigid);
+        RunOutcome { summary, state: self.stage.state.fem }
     }
 }
 
@@ -125,6 +128,6 @@ impl StepStage<'_> {
     /// Hands the report and the new shape to the trace; `keep_times` is false in lockstep, where wall times would make
     /// equal runs unequal.
     pub(crate) fn trace(&mut self, report: &StepReport, keep_times: bool) {
-        self.line.push(report, &self.state.fem, keep_times);
+        self.line.push(report, self.world, &self.state, keep_times);
     }
 }

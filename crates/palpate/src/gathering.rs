@@ -27,6 +27,7 @@ pub(crate) struct Gathering {
     iterations: Tail,
     factor_age: Tail,
     contacts: Tail,
+    body_contacts: Tail,
     compliance_error: Tail,
     correction_iterations: Tail,
     overlap: f64,
@@ -69,6 +70,7 @@ impl Gathering {
             iterations: Tail::new(1.0),
             factor_age: Tail::new(1e-6),
             contacts: Tail::new(1.0),
+            body_contacts: Tail::new(1.0),
             compliance_error: Tail::new(1e-9),
             correction_iterations: Tail::new(1.0),
             overlap: 0.0,
@@ -99,6 +101,7 @@ impl Gathering {
         self.iterations.record(report.free_motion.iterations as f64);
         self.factor_age.record(report.factor_age);
         self.contacts.record(report.detection.contacts as f64);
+        self.body_contacts.record(f64::from(report.bodies.contacts));
         if let Some(error) = report.error.measured() {
             self.compliance_error.record(error);
             self.correction_iterations.record(f64::from(report.error.correction_iterations));
@@ -107,7 +110,8 @@ impl Gathering {
         self.exact_steps += u64::from(report.rows.rows > 0 && report.method == ComplianceMethod::Exact);
         self.active = report.active;
         self.step_overruns += u64::from(report.overruns);
-        self.contacts_dropped += report.detection.dropped as u64;
+        self.contacts_dropped += report.detection.dropped as u64 + u64::from(report.bodies.dropped);
+        self.contacts_dropped += report.rows.dropped as u64;
         self.factors_refused += u64::from(report.refused);
         self.fall_backs += u64::from(report.attempts > 1);
         if report.attempts > 0 {
@@ -200,6 +204,8 @@ impl Gathering {
             iterations: self.iterations.percentiles(),
             factor_age: self.factor_age.percentiles(),
             contacts: self.contacts.percentiles(),
+            body_contacts: self.body_contacts.percentiles(),
+            rigid_bodies: Vec::new(),
             plan: world.plan().to_string(),
             compliance_error: self.compliance_error.percentiles(),
             compliance_errors: self.compliance_error.count(),

@@ -3,23 +3,24 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 use palpate_collision::shape::ToolShape;
+use palpate_collision::solid::Solid;
+use palpate_constraints::frame::ContactFrame;
 use palpate_fem::factor::FactorStatus;
-use palpate_fem::model::FemState;
 use palpate_fem::pcg::PcgStatus;
 use palpate_haptics::record::TickFlags;
 use palpate_trace as trace;
 use palpate_trace::{
-    Attachment, BodyGeometry, FactorTrace, InlineTrace, LogLevel, LogRecord, StepTrace, TickTrace, TraceConfig,
-    TraceError, TraceThread,
+    Attachment, BodyGeometry, FactorTrace, InlineTrace, LogLevel, LogRecord, SolidGeometry, StepTrace, TickTrace,
+    TraceConfig, TraceError, TraceThread,
 };
 use serde::Serialize;
 
 use crate::gathering::Gathering;
 use crate::refresh::RefreshReport;
 use crate::run::{RunError, RunOptions};
-use crate::step::{StepReport, StepStatus};
+use crate::step::{StepReport, StepState, StepStatus, placements};
 use crate::tick::TickReport;
 use crate::world::World;
 
@@ -153,9 +154,37 @@ fn config(world: &World, options: &RunOptions) -> TraceConfig {
         engine,
         attachments: vec![scene_file],
         bodies: vec![BodyGeometry::new(scene.bodies[0].name.clone(), rest, world.surface().triangles.clone())],
+        solids: solids(world),
         tool: tool_shape(world.tool()),
         ..base
     }
+}
+
+/// Side (m) of the square that a half-space is drawn as.
+const DRAWN_PLANE: f64 = 1.0;
+
+/// Fixed and rigid bodies as viewers draw them.
+fn solids(world: &World) -> Vec<SolidGeometry> {
+    let geometry = |name: &str, solid: &Solid, pose: &Isometry3<f64>, moves| {
+        let vertices = |all: &[Vector3<f64>]| all.iter().map(|v| [v.x, v.y, v.z]).collect();
+        let shape = match solid {
+            Solid::Convex(shape) => tool_shape(shape)?,
+            Solid::Mesh(mesh) => {
+                trace::ToolShape::Mesh { vertices: vertices(mesh.vertices()), triangles: mesh.triangles().to_vec() }
+            }
+            Solid::HalfSpace(normal) => {
+                let [t, s] = ContactFrame::new(*normal).tangents.map(|t| t * (0.5 * DRAWN_PLANE));
+                let corners = [-t - s, t - s, t + s, s - t];
+                trace::ToolShape::Mesh { vertices: vertices(&corners), triangles: vec![[0, 1, 2], [0, 2, 3]] }
+            }
+        };
+        let pose = (pose.translation.vector.into(), pose.rotation.coords.into());
+        Some(SolidGeometry { name: name.into(), shape, pose, moves })
+    };
+    let bodies = world.bodies();
+    let fixed = bodies.fixed.iter().map(|body| geometry(&body.name, &body.solid, &body.pose, false));
+    let rigid = bodies.rigid.iter().map(|body| geometry(&body.name, &body.solid, &body.shape_pose(&body.start), true));
+    fixed.chain(rigid).flatten().collect()
 }
 
 fn tool_shape(tool: &ToolShape) -> Option<trace::ToolShape> {
@@ -186,7 +215,7 @@ fn nanoseconds(seconds: f64) -> u64 {
 
 impl StepLine {
     /// Hands a report over; wall times stay out where `keep_times` is false, so that equal runs give equal traces.
-    pub(crate) fn push(&mut self, report: &StepReport, state: &FemState, keep_times: bool) {
+    pub(crate) fn push(&mut self, report: &StepReport, world: &World, state: &StepState, keep_times: bool) {
         let Some((line, dt)) = &mut self.0 else { return };
         let wall = |seconds: f64| if keep_times { nanoseconds(seconds) } else { 0 };
         let (times, rotation) = (&report.times, report.tool.rotation.coords);
@@ -235,8 +264,21 @@ impl StepLine {
             cuts: report.cuts,
             solver_attempts: report.attempts,
         });
+        for (body, placement) in placements(world, &state.rigid).enumerate() {
+            let (position, orientation, velocity, angular_velocity) = placement;
+            let (step, body) = (report.step, body as u32);
+            line.push_rigid(trace::RigidRecord {
+                step,
+                time_ns,
+                body,
+                position,
+                orientation,
+                velocity,
+                angular_velocity,
+            });
+        }
         line.push_positions(time_ns, |positions| {
-            for (x, q) in positions.chunks_exact_mut(3).zip(&state.q) {
+            for (x, q) in positions.chunks_exact_mut(3).zip(&state.fem.q) {
                 x.copy_from_slice(q.as_slice());
             }
         });

@@ -5,9 +5,12 @@ use std::fmt;
 use std::path::PathBuf;
 
 use hdrhistogram::Histogram;
+use palpate_rigid::RigidState;
 use serde::Serialize;
 
 pub use crate::record::TraceOutcome;
+use crate::step::placements;
+use crate::world::World;
 
 /// Median and tails of one measured quantity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -89,6 +92,53 @@ impl RunEnd {
     }
 }
 
+/// A rigid body at the end of a run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RigidEnd {
+    /// Its name.
+    pub name: String,
+    /// Origin of its shape (m).
+    pub position: [f64; 3],
+    /// Orientation of its shape `[x, y, z, w]`.
+    pub orientation: [f64; 4],
+    /// Velocity of its centre of mass (m/s).
+    pub velocity: [f64; 3],
+    /// Angular velocity (rad/s).
+    pub angular_velocity: [f64; 3],
+}
+
+impl RigidEnd {
+    /// All rigid bodies of a world.
+    pub(crate) fn all(world: &World, rigid: &[RigidState]) -> Vec<Self> {
+        let names = world.bodies().rigid.iter().map(|body| body.name.clone());
+        names
+            .zip(placements(world, rigid))
+            .map(|(name, (position, orientation, velocity, angular_velocity))| Self {
+                name,
+                position,
+                orientation,
+                velocity,
+                angular_velocity,
+            })
+            .collect()
+    }
+}
+
+impl fmt::Display for RigidEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y, z] = self.position;
+        let [i, j, k, w] = self.orientation;
+        let speed = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        write!(
+            f,
+            "{} at [{x:.5}, {y:.5}, {z:.5}] m, orientation [{i:.4}, {j:.4}, {k:.4}, {w:.4}], {:.3e} m/s, {:.3e} rad/s",
+            self.name,
+            speed(&self.velocity),
+            speed(&self.angular_velocity)
+        )
+    }
+}
+
 /// The summary of a run. Times in seconds, forces in newtons.
 #[derive(Clone, Debug, Serialize)]
 pub struct RunSummary {
@@ -160,6 +210,11 @@ pub struct RunSummary {
     pub contacts: Percentiles,
     /// Contacts that did not fit the stated capacity, over the run.
     pub contacts_dropped: u64,
+    /// Contacts of fixed and rigid bodies per step.
+    pub body_contacts: Percentiles,
+    /// Rigid bodies at the end of the run.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rigid_bodies: Vec<RigidEnd>,
     /// Worst relative natural-map residual of a step.
     pub worst_residual: f64,
     /// Worst relative natural-map residual of a tick.

@@ -17,7 +17,7 @@ use crate::record::TickLine;
 use crate::refresh::FactorSample;
 use crate::run::{Observer, RunError};
 use crate::settle::settle;
-use crate::step::{StepInput, StepState, StepStatus, StepWorkspace, step};
+use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, step};
 use crate::tick::{TickReport, Ticker};
 use crate::world::World;
 
@@ -30,7 +30,7 @@ pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_
     let mut steps = Steps::new(world, trace, snapshot_writer)?;
     let mut before = None;
     for (index, record) in trace.ticks.iter().enumerate() {
-        let complete = record.tick == index as u64 && steps.up_to(record.snapshot_step);
+        let complete = record.tick == index as u64 && steps.up_to(record.snapshot_step, comparison);
         if !complete {
             return Ok(false);
         }
@@ -62,17 +62,16 @@ impl<'a> Steps<'a> {
     }
 
     /// Goes on until `count` steps are done and the snapshot of the last is published; false where a record is missing.
-    fn up_to(&mut self, count: u64) -> bool {
+    fn up_to(&mut self, count: u64, comparison: &mut Comparison<'_>) -> bool {
         while self.state.step < count {
-            if self.advance().is_none() {
-                return false;
-            }
+            let Some(report) = self.advance() else { return false };
+            comparison.step(&report);
         }
         true
     }
 
     /// The next step.
-    fn advance(&mut self) -> Option<()> {
+    fn advance(&mut self) -> Option<StepReport> {
         let number = self.state.step;
         let record = self.trace.steps.get(usize::try_from(number).ok()?).filter(|record| record.step == number)?;
         let in_use = self.factors.iter().position(|factor| factor.epoch == record.factor_epoch)?;
@@ -90,7 +89,7 @@ impl<'a> Steps<'a> {
             let sample = FactorSample::new(self.world.symbolic(), factor.epoch, number, time, q, system);
             self.factors.push(sample.ok()?);
         }
-        Some(())
+        Some(report)
     }
 }
 

@@ -12,8 +12,9 @@ pub use bundled::{BUNDLED_SCENES, BundledScene};
 pub(crate) use check::MOST_SUBSTEPS;
 pub use description::{
     Axis, BlockDescription, BodyDescription, ContactDescription, ContactLawKind, ContactMethod, DeviceDescription,
-    ExplicitDescription, HandDescription, IntegratorKind, NewtonDescription, NodeSelection, Plane, RatesDescription,
-    Refactor, SceneDescription, SolverDescription, TissueDescription, ToolDescription,
+    ExplicitDescription, FixedBodyDescription, HandDescription, IntegratorKind, NewtonDescription, NodeSelection,
+    Plane, RatesDescription, Refactor, RigidBodyDescription, SceneDescription, SolidShape, SolverDescription,
+    TissueDescription, ToolDescription,
 };
 pub use error::{InvalidScene, SceneError};
 

@@ -11,6 +11,7 @@
 //! energy from step to step until it folds. With the exact one every step is the backward Euler step of the body under
 //! the forces `λ`, whose error is then only one of accuracy.
 
+use palpate_constraints::body::{Body, RigidBodies};
 use palpate_constraints::compliance::{self, ComplianceMethod, MotionCorrection};
 use palpate_constraints::law::Law;
 use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
@@ -50,7 +51,7 @@ pub(super) fn correct_exactly(world: &World, factor: &FactorSample, ws: &mut Ste
         let view = ws.problem.view();
         let (mut missed, mut opened) = (0.0, 0.0);
         for r in 0..ws.rows.len() {
-            let moved = ws.dt * ws.rows.tissue.dot(r, &ws.correction);
+            let moved = opening(ws, r);
             // W is symmetric: its column is its row.
             let wanted: f64 = view.column(r).iter().zip(&ws.lambda).map(|(w, l)| w * l).sum();
             missed += (moved - wanted) * (moved - wanted);
@@ -66,9 +67,14 @@ pub(super) fn correct_exactly(world: &World, factor: &FactorSample, ws: &mut Ste
         if matches!(problem_block.law, Law::Threshold(threshold) if ws.lambda[row] >= 0.999 * threshold.limit) {
             continue;
         }
-        let gap = ws.rows.delta_free[row] + ws.dt * ws.rows.tissue.dot(row, &ws.correction);
+        let gap = ws.rows.delta_free[row] + opening(ws, row);
         report.error.overlap = report.error.overlap.max(-gap);
     }
+}
+
+/// How far the motion under the forces opens the gap of a row (m).
+fn opening(ws: &StepWorkspace, row: usize) -> f64 {
+    ws.dt * (ws.rows.tissue.dot(row, &ws.correction) + ws.rows.rigid.dot(row, &ws.rigid.correction))
 }
 
 /// Compares one column of a `W` that is not exact with the exact one, the rows in turn. Says nothing where the iterations
@@ -95,10 +101,15 @@ pub(super) fn sample_column(world: &World, factor: &FactorSample, ws: &mut StepW
     if solve.status != PcgStatus::Converged {
         return;
     }
+    let mut rigid = RigidBodies { inverse: &ws.rigid.inverse, correction: &mut ws.rigid.sample };
+    if !rigid.correct(&ws.rows, &ws.lambda_of_sample[..m], 1.0) {
+        return;
+    }
     let view = ws.problem.view();
     let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
     for (r, w) in view.column(row).iter().enumerate() {
-        let exact = ws.dt * ws.dt * ws.rows.tissue.dot(r, &ws.sample);
+        let of_rigid = ws.rows.rigid.dot(r, &ws.rigid.sample);
+        let exact = ws.dt * ws.dt * (ws.rows.tissue.dot(r, &ws.sample) + of_rigid);
         worst = worst.max((w - exact).abs());
         largest = largest.max(exact.abs());
     }

@@ -5,6 +5,7 @@
 //!                                              preconditioned by the latest factor, warped by nodal rotations
 //! delta_free = delta(q) + H h (v + dv)         gap if nothing touched (m)
 //! W = h² H A⁻¹ Hᵀ                              compliance (m/N) by half solves of the latest (warped) or this step's factor
+//!                                              plus h² H M⁻¹ Hᵀ of rigid bodies
 //! delta = W lambda + delta_free, law            the scene's solver, warm-started by contact feature
 //! v+ = v + dv + h A⁻¹ Hᵀ lambda, q+ = q + h v+
 //! ```
@@ -20,6 +21,7 @@
 //! tool; `q_free` would show the tool deep in tissue that has already sprung back.
 
 mod accuracy;
+mod bodies;
 mod correction;
 mod direct;
 mod guard;
@@ -43,6 +45,8 @@ use self::newton::newton_with_contact;
 use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
 
+pub use bodies::{BodiesReport, PairForce};
+pub(crate) use bodies::{digest, placements};
 pub use report::{ComplianceError, FailedElement, StepReport, StepStatus, StepTimes};
 pub use workspace::{StepState, StepWorkspace};
 
@@ -92,6 +96,7 @@ pub fn step(
             explicit(world, input, *substeps, state, ws, &mut report, &mut clock);
         }
     }
+    report.bodies.digest = digest(placements(world, &state.rigid));
     accuracy::sample_column(world, input.factor, ws, &mut report);
     report.times.sampling = clock.lap();
     accuracy::choose_next(world, state, &report);
@@ -113,6 +118,7 @@ fn contact(
     clock: &mut Clock,
 ) {
     stages::detection(world, &input.tool, state, ws, report);
+    bodies::rigid_motion(world, state, ws);
     report.times.detection += clock.lap();
     stages::rows(world, &input.tool, state, ws, report);
     stages::compliance(world, input.factor, state.exact_steps, ws, report);

@@ -9,6 +9,7 @@ use palpate_fem::pcg::{PcgReport, PcgStatus};
 use palpate_solver::report::SolveReport;
 
 use super::StepInput;
+use super::bodies::BodiesReport;
 use super::stages::NOT_SOLVED;
 
 /// How a step ended.
@@ -116,9 +117,11 @@ pub struct StepReport {
     pub free_motion: PcgReport,
     /// Halvings of the motion: by the guard of the linearised step, or by the line search of Newton's method.
     pub cuts: u32,
-    /// Contacts found, merged, dropped.
+    /// Contacts with the tool: found, merged, dropped.
     pub detection: DetectionReport,
-    /// Rows built from the contacts.
+    /// Contacts of fixed and rigid bodies with the tissue and with one another.
+    pub bodies: BodiesReport,
+    /// Rows built from all contacts.
     pub rows: RowReport,
     /// `W`; where it is not usable the step goes on without contact.
     pub compliance: ComplianceReport,
@@ -138,7 +141,7 @@ pub struct StepReport {
     pub attempts: u32,
     /// Register name of the solver whose forces were taken, or of the direct method; empty where nothing was solved.
     pub solver: &'static str,
-    /// Contacts that carry a force.
+    /// Contacts with the tool that carry a force.
     pub active: usize,
     /// Force of the tissue on the tool (N).
     pub force: Vector3<f64>,
@@ -172,16 +175,8 @@ impl StepReport {
             assembly: AssemblyReport::NONE,
             free_motion: PcgReport { status: PcgStatus::Converged, iterations: 0, relative_residual: 0.0 },
             cuts: 0,
-            detection: DetectionReport {
-                candidates: 0,
-                contacts: 0,
-                wrong_side: 0,
-                merged: 0,
-                dropped: 0,
-                non_finite: 0,
-                deepest_gap: f64::INFINITY,
-                tool_inside: false,
-            },
+            detection: DetectionReport::NONE,
+            bodies: BodiesReport::NONE,
             rows: RowReport::default(),
             compliance: ComplianceReport { rows: 0, diagonal: [0.0; 2], asymmetry: 0.0, usable: true },
             method: ComplianceMethod::Automatic,

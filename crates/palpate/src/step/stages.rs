@@ -3,8 +3,9 @@
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use palpate_collision::contact::Contact;
 use palpate_collision::detection::detect;
-use palpate_constraints::compliance::{self, ComplianceMethod, WarpedInverse};
-use palpate_constraints::rows::{RowInput, ToolMotion, build_fixed_rows, build_rows};
+use palpate_constraints::body::{self, RigidBodies, SoftBody};
+use palpate_constraints::compliance::{ComplianceMethod, WarpedInverse};
+use palpate_constraints::rows::{Counterpart, RowInput, ToolMotion, build_fixed_rows, build_rows};
 use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::integrator::backward_euler::factor_end;
 use palpate_fem::integrator::explicit::explicit_velocity;
@@ -13,6 +14,7 @@ use palpate_fem::rotation::nodal_rotations;
 use palpate_solver::report::{SolveReport, SolveStatus};
 use palpate_solver::solver::SolverWorkspace;
 
+use super::bodies;
 use super::direct::direct_contact;
 use super::preconditioner::StepPreconditioner;
 use super::workspace::NewtonStage;
@@ -72,7 +74,7 @@ pub(super) fn explicit_motion(world: &World, state: &StepState, ws: &mut StepWor
     }
 }
 
-/// Contacts of the tool with the skin at the begin of the step.
+/// Contacts of the skin with the tool and of all other pairs of bodies, at the begin of the step.
 pub(super) fn detection(
     world: &World,
     tool: &Isometry3<f64>,
@@ -90,6 +92,7 @@ pub(super) fn detection(
         &mut ws.detection,
         &mut state.contacts,
     );
+    bodies::detection(world, tool, state, ws, report);
 }
 
 /// Rows `H` and `delta_free`, and the law of each contact.
@@ -101,22 +104,24 @@ pub(super) fn rows(
     report: &mut StepReport,
 ) {
     let law = world.description().contact.contact_law();
+    let motion = state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::between(&before, tool));
     let input = RowInput {
         free_of_node: world.model().free_of_node(),
         v_free: &ws.v_free,
         dt: ws.dt,
-        tool_reference: tool.translation.vector,
-        tool_motion: state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::between(&before, tool)),
+        counterpart: Counterpart::Tool { reference: tool.translation.vector, motion },
         friction: law.rows() > 1,
     };
     report.rows = build_rows(&state.contacts.contacts, &input, &mut ws.rows);
     build_fixed_rows(&state.contacts.contacts, &input, &mut ws.fixed_rows);
+    report.rows = report.rows.and(bodies::rows(world, tool, motion, state, ws));
     // As many rows as the capacity was made for: the reset cannot fail, and an empty problem is a safe one if it did.
     if ws.problem.reset(ws.rows.len()).is_err() {
         ws.rows.clear();
+        ws.rigid.clear_blocks();
         return;
     }
-    ws.rows.blocks.iter().for_each(|_| ws.problem.push_block(law));
+    bodies::push_laws(world, law, ws);
     ws.problem.delta_free_mut().copy_from_slice(&ws.rows.delta_free);
     choose_laws(world, ws);
 }
@@ -124,7 +129,7 @@ pub(super) fn rows(
 /// Gives each block the law that belongs to its free gap.
 pub(super) fn choose_laws(world: &World, ws: &mut StepWorkspace) {
     let law = world.description().contact.contact_law();
-    for (k, block) in ws.rows.blocks.iter().enumerate() {
+    for (k, block) in ws.rows.blocks.iter().enumerate().take(ws.rigid.tool_blocks) {
         if let Some(&gap) = ws.rows.delta_free.get(block.first_row as usize) {
             ws.problem.set_law(k, law.at_free_gap(gap));
         }
@@ -157,17 +162,20 @@ pub(super) fn compliance(
         report.refused = !newton.factored;
     }
     let w = ws.problem.compliance_mut();
+    let correction = &mut ws.correction;
+    let mut rigid = RigidBodies { inverse: &ws.rigid.inverse, correction: &mut ws.rigid.correction };
     report.compliance = match &mut ws.explicit {
         Some(explicit) => {
             let inverse = WarpedInverse { inverse: &explicit.inverse, rotations: None };
-            compliance::assemble(inverse, &ws.rows.tissue, ws.dt, w, &mut explicit.compliance)
+            let mut soft = SoftBody { inverse, workspace: &mut explicit.compliance, correction };
+            body::assemble(&mut [&mut soft, &mut rigid], &ws.rows, ws.dt, w)
         }
         None => {
             let own = ws.own.as_ref().filter(|_| ws.own_is_current);
             let inverse = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
             report.method = inverse.1;
-            let inverse = inverse.0;
-            compliance::assemble(inverse, &ws.rows.tissue, ws.dt, w, &mut ws.compliance)
+            let mut soft = SoftBody { inverse: inverse.0, workspace: &mut ws.compliance, correction };
+            body::assemble(&mut [&mut soft, &mut rigid], &ws.rows, ws.dt, w)
         }
     };
 }
@@ -209,8 +217,9 @@ pub(super) fn solve(
     ws.lambda[..m].fill(0.0);
     report.solve = SolveReport { status: SolveStatus::Solved, residual: 0.0, worst_gap: 0.0, ..NOT_SOLVED };
     if solved && ws.direct.is_none() {
-        let (contacts, all) = (&state.contacts.contacts, 0..ws.rows.blocks.len());
-        state.warm_start.fetch(contacts, &ws.rows, all, WARM_START_RADIUS, &mut ws.lambda[..m]);
+        let of_tool = 0..ws.rigid.tool_blocks;
+        state.warm_start.fetch(&state.contacts.contacts, &ws.rows, of_tool, WARM_START_RADIUS, &mut ws.lambda[..m]);
+        bodies::fetch(state, ws, WARM_START_RADIUS);
     }
     if let Some(files) = &mut ws.problem_files {
         files.begin(&ws.lambda[..m]);
@@ -228,16 +237,17 @@ pub(super) fn solve(
             (report.attempts, report.solver) = (attempts, solver);
         }
     }
+    bodies::store(state, ws, report);
     let lambda = &ws.lambda[..m];
     if let Some(files) = ws.problem_files.as_mut().filter(|_| solved) {
         files.save(report.step, &ws.problem, lambda);
     }
-    state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), lambda);
+    state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rigid.tool_blocks, lambda);
 
     let wrench = ws.rows.wrench(lambda);
     (report.force, report.torque) = (wrench.force, wrench.torque);
     let mut friction = Vector3::zeros();
-    for (block, frame) in ws.rows.blocks.iter().zip(&ws.rows.frames) {
+    for (block, frame) in ws.rows.blocks.iter().zip(&ws.rows.frames).take(ws.rigid.tool_blocks) {
         let Some(force) = lambda.get(block.range()) else { continue };
         if force[0] <= 0.0 {
             continue;

@@ -15,17 +15,19 @@ use palpate_fem::integrator::newton::ImplicitWorkspace;
 use palpate_fem::model::{FemModel, FemState};
 use palpate_fem::nodal_rows::NodalRows;
 use palpate_fem::pcg::PcgWorkspace;
+use palpate_rigid::RigidState;
 use palpate_solver::automatic::AutomaticConfig;
 use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::solver::{Solver, SolverWorkspace};
 use std::sync::Arc;
 
+use super::bodies::{self, PairForce, PairState, RigidStage};
 use super::direct::DirectStage;
 use crate::problem_files::ProblemFiles;
 use crate::world::{Integration, World};
 
 /// Rows of a contact with friction.
-const ROWS: usize = 3;
+pub(super) const ROWS: usize = 3;
 
 /// The simulation: everything that a later step depends on.
 pub struct StepState {
@@ -41,8 +43,13 @@ pub struct StepState {
     pub exact_steps: u32,
     /// Contacts of the last step; they carry the side from which the tool came.
     pub contacts: ContactSet,
+    /// The rigid bodies, in the order of the scene.
+    pub rigid: Vec<RigidState>,
+    /// What is remembered of each pair of bodies besides tissue and tool.
+    pub(super) pairs: Vec<PairState>,
     /// The state before the last step, to which a failed step returns.
     before: FemState,
+    rigid_before: Vec<RigidState>,
     /// Where the body was when the run began: indentation is measured from here (m).
     pub(super) rest: Vec<Vector3<f64>>,
 }
@@ -57,6 +64,9 @@ impl StepState {
             exact_steps: 0,
             warm_start: WarmStart::with_capacity(capacity),
             contacts: ContactSet::with_capacity(capacity),
+            rigid: world.bodies().rigid.iter().map(|body| body.start).collect(),
+            rigid_before: world.bodies().rigid.iter().map(|body| body.start).collect(),
+            pairs: world.bodies().pairs.iter().map(PairState::new).collect(),
             before: rest.clone(),
             rest: rest.q.clone(),
             fem: rest,
@@ -77,14 +87,17 @@ impl StepState {
         self.before.q.copy_from_slice(&self.fem.q);
         self.before.v.copy_from_slice(&self.fem.v);
         self.before.memory.copy_from_slice(&self.fem.memory);
+        self.rigid_before.copy_from_slice(&self.rigid);
     }
 
-    /// Puts the body back to the state before the step, at rest.
+    /// Puts all bodies back to the state before the step, at rest.
     pub(super) fn roll_back(&mut self) {
         self.fem.q.copy_from_slice(&self.before.q);
         self.fem.memory.copy_from_slice(&self.before.memory);
         self.fem.v.fill(Vector3::zeros());
         self.warm_start.clear();
+        self.rigid.iter_mut().zip(&self.rigid_before).for_each(|(now, before)| *now = before.at_rest());
+        self.pairs.iter_mut().for_each(PairState::forget);
     }
 }
 
@@ -154,6 +167,8 @@ pub struct StepWorkspace {
     pub(super) compliance: ComplianceWorkspace<ReachWorkspace>,
     pub(super) problem: ConstraintProblem,
     pub(super) lambda: Vec<f64>,
+    /// Rigid bodies, and the blocks of each pair of bodies.
+    pub(super) rigid: RigidStage,
     /// The scene's solver at step rate, and its memory.
     pub(super) solver: Solver,
     pub(super) solver_workspace: SolverWorkspace,
@@ -190,9 +205,19 @@ impl StepWorkspace {
         self.lambda.get(..self.rows.len()).unwrap_or(&[])
     }
 
-    /// Rows of the last step.
+    /// Rows of the last step that belong to the tool: the first of all.
+    pub(super) fn tool_rows(&self) -> usize {
+        self.rigid.tool_blocks.checked_sub(1).and_then(|last| self.rows.blocks.get(last)).map_or(0, |b| b.range().end)
+    }
+
+    /// Rows of the last step, those of the tool first.
     pub fn rows(&self) -> &ContactRows {
         &self.rows
+    }
+
+    /// What the contacts of pair `k` of [`Bodies::pairs`](crate::world::Bodies::pairs) did in the last step.
+    pub fn pair_force(&self, k: usize) -> Option<PairForce> {
+        bodies::pair_force(self, k)
     }
 
     /// The contact problem of the last step.
@@ -204,7 +229,7 @@ impl StepWorkspace {
     pub fn new(world: &World) -> Self {
         let (model, symbolic) = (world.model(), world.symbolic());
         let free = model.free_nodes();
-        let contacts = world.detection().max_contacts;
+        let contacts = world.contact_capacity();
         let rows = ROWS * contacts;
         let wanted = &world.description().solver;
         let solver = match wanted.kind.solver() {
@@ -241,7 +266,8 @@ impl StepWorkspace {
             geometry: world.geometry().clone(),
             detection: DetectionWorkspace::new(world.geometry()),
             rows: ContactRows::with_capacity(contacts),
-            fixed_rows: ContactRows::with_capacity(contacts),
+            fixed_rows: ContactRows::with_capacity(world.detection().max_contacts),
+            rigid: RigidStage::new(world),
             compliance: ComplianceWorkspace::new(rows, ReachWorkspace::new(symbolic, rows)),
             problem: ConstraintProblem::with_capacity(rows),
             lambda: vec![0.0; rows],

@@ -1,6 +1,6 @@
 //! The range of every value of contact and solvers, and which of them fit one another.
 
-use palpate_constraints::law::ConicForm;
+use palpate_constraints::law::{self, ConicForm, ContactLaw};
 use palpate_solver::solver::SolverKind;
 
 use super::super::description::{ContactDescription, ContactLawKind, ContactMethod, IntegratorKind, SceneDescription};
@@ -14,12 +14,7 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     not_negative(source, "contact.friction", c.friction, "")?;
     not_negative(source, "contact.margin", c.margin, "m")?;
     not_negative(source, "contact.merge_distance", c.merge_distance, "m")?;
-    at_least_one(source, "contact.max_contacts", c.max_contacts)?;
-    if c.max_contacts > 1000 {
-        let message =
-            format!("{} contacts make a compliance of {} MB", c.max_contacts, 9 * c.max_contacts.pow(2) / 131_072);
-        return Err(source.at("contact.max_contacts", message, "use at most 1000; 48 serve a fingertip"));
-    }
+    max_contacts(source, "contact.max_contacts", c.max_contacts)?;
     law(c, source)?;
     contact_method(scene, source)?;
     solver(scene, source)?;
@@ -79,6 +74,22 @@ fn solver(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     Ok(())
 }
 
+/// A number of contacts whose compliance has a sensible size.
+pub(super) fn max_contacts(source: &Source<'_>, path: &str, contacts: usize) -> Checked {
+    at_least_one(source, path, contacts)?;
+    if contacts > 1000 {
+        let message = format!("{contacts} contacts make a compliance of {} MB", 9 * contacts.pow(2) / 131_072);
+        return Err(source.at(path, message, "use at most 1000; 48 serve a fingertip"));
+    }
+    Ok(())
+}
+
+/// A coefficient of Coulomb friction.
+pub(super) fn friction(source: &Source<'_>, path: &str, friction: f64) -> Checked {
+    not_negative(source, path, friction, "")?;
+    law::Coulomb { friction }.validate().map_err(|e| source.at(path, e.to_string(), e.remedy))
+}
+
 /// The settings of the contact method that is used, and of no other.
 fn contact_method(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     let c = &scene.contact;
@@ -91,6 +102,11 @@ fn contact_method(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     if c.method != ContactMethod::Compliance && !matches!(c.law, ContactLawKind::Coulomb | ContactLawKind::Signorini) {
         let message = format!("`{}` knows the laws `coulomb` and `signorini`, not `{}`", c.method.name(), c.law.name());
         return Err(source.at("contact.law", message, "set one of the two, or method = \"compliance\""));
+    }
+    if c.method != ContactMethod::Compliance && !(scene.fixed_bodies.is_empty() && scene.rigid_bodies.is_empty()) {
+        let message = format!("`{}` knows the soft body and the tool alone", c.method.name());
+        let remedy = "set method = \"compliance\", or remove the fixed and rigid bodies";
+        return Err(source.at("contact.method", message, remedy));
     }
     let Some(penalty) = &c.penalty else { return Ok(()) };
     if c.method != ContactMethod::Penalty {

@@ -4,6 +4,7 @@ mod body;
 mod contact;
 mod device;
 mod number;
+mod solid;
 
 use super::description::SceneDescription;
 use super::error::SceneError;
@@ -42,6 +43,7 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
             return Err(source.at("tool", message, "keep one [[tool]]"));
         }
     }
+    solid::check(scene, source)?;
     contact::check(scene, source)?;
     device::check(scene, source)
 }

@@ -5,6 +5,7 @@ mod contact;
 mod device;
 mod integrator;
 mod selection;
+mod solid;
 mod solver;
 mod tissue;
 mod tool;
@@ -18,11 +19,13 @@ pub use contact::{ContactDescription, ContactLawKind, ContactMethod};
 pub use device::{DeviceDescription, HandDescription};
 pub use integrator::{ExplicitDescription, IntegratorKind, NewtonDescription, Refactor};
 pub use selection::{Axis, NodeSelection, Plane};
+pub use solid::{FixedBodyDescription, RigidBodyDescription, SolidShape};
 pub use solver::SolverDescription;
 pub use tissue::TissueDescription;
 pub use tool::ToolDescription;
 
-/// A whole scene: one soft body, one tool, a device and the hand that holds it. SI units.
+/// A whole scene: one soft body, one tool, a device and the hand that holds it, and any number of fixed and rigid bodies.
+/// SI units.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneDescription {
@@ -43,6 +46,12 @@ pub struct SceneDescription {
     /// The soft bodies; this version simulates exactly one.
     #[serde(rename = "body")]
     pub bodies: Vec<BodyDescription>,
+    /// Bodies that never move.
+    #[serde(rename = "fixed_body", default, skip_serializing_if = "Vec::is_empty")]
+    pub fixed_bodies: Vec<FixedBodyDescription>,
+    /// Bodies with six degrees of freedom.
+    #[serde(rename = "rigid_body", default, skip_serializing_if = "Vec::is_empty")]
+    pub rigid_bodies: Vec<RigidBodyDescription>,
     /// The tools; this version simulates exactly one.
     #[serde(rename = "tool")]
     pub tools: Vec<ToolDescription>,

@@ -1,4 +1,8 @@
-//! Rows of contacts between tissue and tool.
+//! Rows of contacts: between tissue and what it meets, and between rigid bodies and what they meet.
+//!
+//! A tool, a fixed body and a rigid body differ only in what their part of a row does. A tool's is kept for the wrench
+//! that the hand feels and moves `δ_free`; a fixed body has none; a rigid body's joins `W` and `δ_free` as the tissue's
+//! does ([`RigidRows`]), measured like the tissue at the begin of the step. Everything below is said of a tool.
 //!
 //! A contact joins the tissue point `x = Σ w_k q_k` with the point of the tool at the same place. Along a direction `d`
 //! of its frame, the velocity of the gap is that of the tissue point as seen from the tool,
@@ -27,72 +31,20 @@
 //! compliance of its own: it is no part of the tissue's problem, where its force has no bound, and its rows are built
 //! apart by [`build_fixed_rows`] for a problem in which the tool yields.
 
-use nalgebra::{Isometry3, Matrix3, Vector3};
+mod rigid;
+mod support;
+mod twist;
+
+use nalgebra::Vector3;
 use palpate_collision::Contact;
+use palpate_collision::solid_contact::SolidContact;
 use palpate_fem::nodal_rows::NodalRows;
-use palpate_fem::sparse::FIXED;
 
 use crate::frame::ContactFrame;
+use support::Support;
 
-/// The tool's part of a row.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ToolRow {
-    /// `-d`: change of the row's gap per metre of the tool's translation [-]; force on the tool per newton of the row.
-    pub force: Vector3<f64>,
-    /// `-(r x d)` \[m\]: change of the row's gap per radian of the tool's rotation about its reference point; torque on
-    /// the tool about that point per newton of the row.
-    pub torque: Vector3<f64>,
-}
-
-impl ToolRow {
-    /// The row of direction `d` (unit vector) at lever `r` \[m\] from the tool's reference point.
-    pub fn new(direction: &Vector3<f64>, lever: &Vector3<f64>) -> Self {
-        Self { force: -direction, torque: -lever.cross(direction) }
-    }
-
-    /// Velocity of the row's gap [m/s] from the tool's velocity [m/s] and angular velocity [rad/s].
-    pub fn dot(&self, velocity: &Vector3<f64>, angular_velocity: &Vector3<f64>) -> f64 {
-        self.force.dot(velocity) + self.torque.dot(angular_velocity)
-    }
-}
-
-/// A wrench on a tool about its reference point, in the world frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ToolWrench {
-    /// Force \[N\].
-    pub force: Vector3<f64>,
-    /// Torque about the reference point [N m].
-    pub torque: Vector3<f64>,
-}
-
-/// How a tool moved during a step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ToolMotion {
-    translation: Vector3<f64>,
-    /// `1 - Rᵀ` for the rotation `R` of the step: a lever at the end of the step times this is its displacement.
-    turn: Matrix3<f64>,
-}
-
-impl ToolMotion {
-    /// A tool at rest.
-    pub fn none() -> Self {
-        Self { translation: Vector3::zeros(), turn: Matrix3::zeros() }
-    }
-
-    /// The motion from one pose to another.
-    pub fn between(previous: &Isometry3<f64>, current: &Isometry3<f64>) -> Self {
-        let step = current.rotation * previous.rotation.inverse();
-        Self {
-            translation: current.translation.vector - previous.translation.vector,
-            turn: Matrix3::identity() - step.inverse().to_rotation_matrix().into_inner(),
-        }
-    }
-
-    /// Displacement \[m\] during the step of the tool's point that ends it at `lever` \[m\] from the reference point.
-    pub fn displacement(&self, lever: &Vector3<f64>) -> Vector3<f64> {
-        self.translation + self.turn * lever
-    }
-}
+pub use rigid::RigidRows;
+pub use twist::{ToolMotion, ToolRow, ToolWrench, Twist, TwistRow};
 
 /// The rows of one contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,12 +64,14 @@ impl RowBlock {
     }
 }
 
-/// Rows of the contacts of one body. Workspace: refilled at every step.
+/// Rows of all contacts of a step. Workspace: refilled at every step.
 #[derive(Clone, Debug)]
 pub struct ContactRows {
     /// `H` over the free nodes of the body [-].
     pub tissue: NodalRows,
-    /// The tool's part of each row.
+    /// Their part on rigid bodies.
+    pub rigid: RigidRows,
+    /// The tool's part of each row; zero where the tool has none.
     pub tool: Vec<ToolRow>,
     /// `δ_free` of each row \[m\].
     pub delta_free: Vec<f64>,
@@ -133,6 +87,7 @@ impl ContactRows {
     pub fn with_capacity(contacts: usize) -> Self {
         Self {
             tissue: NodalRows::with_capacity(3 * contacts, 3),
+            rigid: RigidRows::with_capacity(3 * contacts),
             tool: Vec::with_capacity(3 * contacts),
             delta_free: Vec::with_capacity(3 * contacts),
             blocks: Vec::with_capacity(contacts),
@@ -144,6 +99,7 @@ impl ContactRows {
     /// Removes all rows and keeps the memory.
     pub fn clear(&mut self) {
         self.tissue.clear();
+        self.rigid.clear();
         self.tool.clear();
         self.delta_free.clear();
         self.blocks.clear();
@@ -171,6 +127,33 @@ impl ContactRows {
     }
 }
 
+/// A rigid body as its rows see it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigidSide {
+    /// Number of the body.
+    pub body: u32,
+    /// Its centre of mass at the begin of the step \[m\]: the reference point of its twist.
+    pub centre: Vector3<f64>,
+    /// Its twist in the free motion: the step times this is its displacement.
+    pub free: Twist,
+}
+
+/// What the normals of contacts point away from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Counterpart {
+    /// A tool, already at its pose of the end of the step.
+    Tool {
+        /// Its reference point there: the translation of its pose \[m\].
+        reference: Vector3<f64>,
+        /// Its motion during the step.
+        motion: ToolMotion,
+    },
+    /// A body that never moves.
+    Fixed,
+    /// A rigid body, at the begin of the step.
+    Rigid(RigidSide),
+}
+
 /// What rows are built from, besides the contacts.
 #[derive(Clone, Copy, Debug)]
 pub struct RowInput<'a> {
@@ -180,10 +163,8 @@ pub struct RowInput<'a> {
     pub v_free: &'a [f64],
     /// Step `h` \[s\].
     pub dt: f64,
-    /// Reference point of the tool at the end of the step: the translation of its pose \[m\].
-    pub tool_reference: Vector3<f64>,
-    /// Motion of the tool during the step.
-    pub tool_motion: ToolMotion,
+    /// What the contacts are with.
+    pub counterpart: Counterpart,
     /// Three rows a contact with friction, one without.
     pub friction: bool,
 }
@@ -209,7 +190,7 @@ pub fn build_rows(contacts: &[Contact], input: &RowInput, rows: &mut ContactRows
     append_rows(contacts, input, rows)
 }
 
-/// Appends the rows of `contacts`, in their order: for a second tool on the same body.
+/// Appends the rows of `contacts`, in their order: for a second counterpart of the same body.
 ///
 /// `contact` in the new blocks counts within `contacts`.
 pub fn append_rows(contacts: &[Contact], input: &RowInput, rows: &mut ContactRows) -> RowReport {
@@ -219,18 +200,66 @@ pub fn append_rows(contacts: &[Contact], input: &RowInput, rows: &mut ContactRow
             report.invalid += 1;
             continue;
         };
-        if support.len == 0 {
+        if support.is_empty() && !matches!(input.counterpart, Counterpart::Rigid(_)) {
             report.rigid += 1;
             continue;
         }
-        if rows.blocks.len() == rows.capacity {
-            report.dropped += 1;
-            continue;
-        }
-        report.contacts += 1;
-        report.rows += push_contact(index, contact, &support, input, rows);
+        report.push(rows, |rows| push_contact(index, contact, &support, input, rows));
     }
     report
+}
+
+/// Appends the rows of contacts of a rigid body with `counterpart` in a step `dt` \[s\]: their normals point to `body`.
+pub fn append_solid_rows(
+    contacts: &[SolidContact],
+    body: &RigidSide,
+    counterpart: &Counterpart,
+    dt: f64,
+    friction: bool,
+    rows: &mut ContactRows,
+) -> RowReport {
+    let mut report = RowReport::default();
+    for (index, contact) in contacts.iter().enumerate() {
+        let numbers = [contact.gap, contact.normal.sum(), contact.point.sum()];
+        if !numbers.iter().all(|x| x.is_finite()) {
+            report.invalid += 1;
+            continue;
+        }
+        let place = Place { index, normal: contact.normal, point: contact.point, gap: contact.gap };
+        let lever = contact.point - body.centre;
+        report.push(rows, |rows| {
+            push_rows(&place, counterpart, dt, friction, rows, |d, rows| {
+                let row = TwistRow::towards(d, &lever);
+                rows.tissue.push_row([]);
+                (Some((body.body, row)), dt * row.dot(&body.free.linear, &body.free.angular))
+            })
+        });
+    }
+    report
+}
+
+impl RowReport {
+    /// Counts a contact whose rows `push` appends, where there is room for them.
+    fn push(&mut self, rows: &mut ContactRows, push: impl FnOnce(&mut ContactRows) -> usize) {
+        if rows.blocks.len() == rows.capacity {
+            self.dropped += 1;
+            return;
+        }
+        self.contacts += 1;
+        self.rows += push(rows);
+    }
+
+    /// Both counts together.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            contacts: self.contacts + other.contacts,
+            rows: self.rows + other.rows,
+            rigid: self.rigid + other.rigid,
+            dropped: self.dropped + other.dropped,
+            invalid: self.invalid + other.invalid,
+        }
+    }
 }
 
 /// Replaces the rows by those of the contacts on fixed nodes alone, in their order; the tissue's part of each is empty.
@@ -240,7 +269,7 @@ pub fn build_fixed_rows(contacts: &[Contact], input: &RowInput, rows: &mut Conta
     rows.clear();
     for (index, contact) in contacts.iter().enumerate() {
         match Support::new(contact, input) {
-            Some(support) if support.len == 0 && rows.blocks.len() < rows.capacity => {
+            Some(support) if support.is_empty() && rows.blocks.len() < rows.capacity => {
                 push_contact(index, contact, &support, input, rows);
             }
             _ => {}
@@ -249,61 +278,60 @@ pub fn build_fixed_rows(contacts: &[Contact], input: &RowInput, rows: &mut Conta
     rows.blocks.len()
 }
 
-/// Appends the rows of one contact and returns their number.
+/// Appends the rows of one contact of the tissue and returns their number.
 fn push_contact(index: usize, contact: &Contact, support: &Support, input: &RowInput, rows: &mut ContactRows) -> usize {
-    let frame = ContactFrame::new(contact.normal);
-    let lever = contact.tissue_point - input.tool_reference;
-    let tissue_motion = support.velocity * input.dt;
-    let tool_motion = input.tool_motion.displacement(&lever);
-    let count = if input.friction { 3 } else { 1 };
-    rows.blocks.push(RowBlock { contact: index as u32, first_row: rows.len() as u32, rows: count });
+    let place = Place { index, normal: contact.normal, point: contact.tissue_point, gap: contact.gap };
+    let motion = support.velocity * input.dt;
+    push_rows(&place, &input.counterpart, input.dt, input.friction, rows, |d, rows| {
+        rows.tissue.push_row(support.entries().map(|(node, weight)| (node, d * weight)));
+        (None, d.dot(&motion))
+    })
+}
+
+/// Where a contact is.
+struct Place {
+    index: usize,
+    normal: Vector3<f64>,
+    point: Vector3<f64>,
+    gap: f64,
+}
+
+/// Appends the rows of one contact. `near` appends the tissue's part of a row along a direction, and answers the part of
+/// a rigid body that the normal points to and how far the free motion opens the gap on this side \[m\].
+fn push_rows(
+    place: &Place,
+    counterpart: &Counterpart,
+    dt: f64,
+    friction: bool,
+    rows: &mut ContactRows,
+    near: impl Fn(&Vector3<f64>, &mut ContactRows) -> (Option<(u32, TwistRow)>, f64),
+) -> usize {
+    let frame = ContactFrame::new(place.normal);
+    let count = if friction { 3 } else { 1 };
+    rows.blocks.push(RowBlock { contact: place.index as u32, first_row: rows.len() as u32, rows: count });
     rows.frames.push(frame);
     for (k, d) in frame.directions().iter().enumerate().take(count as usize) {
-        rows.tissue.push_row(support.entries().map(|(node, weight)| (node, d * weight)));
-        rows.tool.push(ToolRow::new(d, &lever));
-        let free_motion = d.dot(&tissue_motion);
-        rows.delta_free.push(if k == 0 { contact.gap + free_motion } else { free_motion - d.dot(&tool_motion) });
+        let (body, near_motion) = near(d, rows);
+        let mut tool = ToolRow::default();
+        let mut other = None;
+        let far_motion = match counterpart {
+            Counterpart::Fixed => 0.0,
+            Counterpart::Tool { reference, motion } => {
+                let lever = place.point - reference;
+                tool = ToolRow::new(d, &lever);
+                // The gap is measured with the tool at the end of its way.
+                if k == 0 { 0.0 } else { -d.dot(&motion.displacement(&lever)) }
+            }
+            Counterpart::Rigid(side) => {
+                let row = TwistRow::new(d, &(place.point - side.centre));
+                other = Some((side.body, row));
+                dt * row.dot(&side.free.linear, &side.free.angular)
+            }
+        };
+        rows.tool.push(tool);
+        rows.rigid.push_row(body.into_iter().chain(other));
+        let gap = if k == 0 { place.gap } else { 0.0 };
+        rows.delta_free.push(gap + near_motion + far_motion);
     }
     count as usize
-}
-
-/// The free nodes that carry a contact, each once, and the velocity of its point in the free motion.
-struct Support {
-    nodes: [(u32, f64); 3],
-    len: usize,
-    velocity: Vector3<f64>,
-}
-
-impl Support {
-    /// None where a node is unknown or a number is not finite.
-    fn new(contact: &Contact, input: &RowInput) -> Option<Self> {
-        let finite =
-            contact.gap.is_finite() && contact.normal.iter().chain(contact.tissue_point.iter()).all(|x| x.is_finite());
-        if !finite {
-            return None;
-        }
-        let mut support = Self { nodes: [(0, 0.0); 3], len: 0, velocity: Vector3::zeros() };
-        for (&node, &weight) in contact.nodes.iter().zip(&contact.weights) {
-            let free = *input.free_of_node.get(node as usize)?;
-            if free == FIXED || weight == 0.0 {
-                continue;
-            }
-            let at = 3 * free as usize;
-            let v = input.v_free.get(at..at + 3)?;
-            support.velocity += Vector3::new(v[0], v[1], v[2]) * weight;
-            // A row holds a node once: weights of a repeated node add up.
-            match support.nodes[..support.len].iter_mut().find(|(n, _)| *n == free) {
-                Some((_, sum)) => *sum += weight,
-                None => {
-                    support.nodes[support.len] = (free, weight);
-                    support.len += 1;
-                }
-            }
-        }
-        support.velocity.iter().all(|x| x.is_finite()).then_some(support)
-    }
-
-    fn entries(&self) -> impl Iterator<Item = (u32, f64)> + '_ {
-        self.nodes[..self.len].iter().copied()
-    }
 }
