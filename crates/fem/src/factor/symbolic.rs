@@ -137,8 +137,13 @@ impl SymbolicFactor {
     /// factorisations ([`super::Factor::change`]): `72 n nodes` bytes a factor.
     #[must_use]
     pub fn with_room_for_changes(mut self, nodes: usize) -> Self {
-        self.change_capacity = nodes.min(self.nodes());
+        self.make_room_for_changes(nodes);
         self
+    }
+
+    /// As [`SymbolicFactor::with_room_for_changes`]: before any factor or workspace is made for it.
+    pub fn make_room_for_changes(&mut self, nodes: usize) {
+        self.change_capacity = nodes.min(self.nodes());
     }
 
     /// The most nodes that a change between two factorisations may touch.

@@ -73,6 +73,16 @@ pub struct CarriedMemory {
 }
 
 impl CarriedMemory {
+    /// Entries of the memory of the changed body.
+    pub fn len(&self) -> usize {
+        self.source.len()
+    }
+
+    /// True where the changed body remembers nothing.
+    pub fn is_empty(&self) -> bool {
+        self.source.is_empty()
+    }
+
     /// `place` gives for each tetrahedron of the mesh of `to` its number in the mesh of `from`, of the same material.
     pub fn new(from: &FemModel, to: &FemModel, place: &[u32]) -> Self {
         let starts = |model: &FemModel| {

@@ -90,6 +90,11 @@ impl FemModel {
         }
     }
 
+    /// Entries of [`FemState::memory`].
+    pub fn memory(&self) -> usize {
+        self.memory
+    }
+
     /// Number of mesh nodes.
     pub fn nodes(&self) -> usize {
         self.q_rest.len()
