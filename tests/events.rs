@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Vector3};
 use palpate::constraints::compliance::ComplianceMethod;
 use palpate::fem::assembly::{FemWorkspace, assemble};
 use palpate::fem::factor::{Factor, FactorStatus, ReachStatus, ReachWorkspace, SolveWorkspace};
-use palpate::scene::{Axis, EventDescription, NodeSelection, Plane, SceneDescription};
+use palpate::scene::{EventDescription, NodeSelection, SceneDescription};
 use palpate::simulation::Simulation;
 use palpate::step::{FactorFit, StepStatus};
 use palpate::world::World;
@@ -46,10 +46,9 @@ fn events() -> [(&'static str, EventDescription); 4] {
     ]
 }
 
-fn with(method: ComplianceMethod, event: &EventDescription) -> World {
+fn with(method: ComplianceMethod, tolerance: f64, event: &EventDescription) -> World {
     world(|scene: &mut SceneDescription| {
-        scene.bodies[0].compliance = method;
-        scene.bodies[0].tolerance = 1e-11;
+        (scene.bodies[0].compliance, scene.bodies[0].tolerance) = (method, tolerance);
         scene.gravity = [0.0, 0.0, -9.81];
         scene.events = vec![event.clone()];
     })
@@ -61,7 +60,7 @@ fn with(method: ComplianceMethod, event: &EventDescription) -> World {
 fn right_after_an_event_the_old_factor_is_one_of_the_new_body() {
     for (name, event) in events() {
         for method in [ComplianceMethod::Asynchronous, ComplianceMethod::Warped] {
-            let world = with(method, &event);
+            let world = with(method, 1e-6, &event);
             let mut sim = Simulation::new(&world).unwrap().refresh_every(4);
             let mut report = sim.step(&block::pose(0));
             for k in 1..=11 {
@@ -114,9 +113,9 @@ fn agree(x: &[f64], y: &[f64], what: &str) {
 #[test]
 fn the_free_motion_after_an_event_is_that_of_exact_steps() {
     for (name, event) in events() {
-        let exact = with(ComplianceMethod::Exact, &event);
+        let exact = with(ComplianceMethod::Exact, 1e-9, &event);
         let mut exact = Simulation::new(&exact).unwrap();
-        let old = with(ComplianceMethod::Asynchronous, &event);
+        let old = with(ComplianceMethod::Asynchronous, 1e-9, &event);
         let mut old = Simulation::new(&old).unwrap().refresh_every(0);
         let mut most = 0;
         for _ in 0..25 {
@@ -124,11 +123,12 @@ fn the_free_motion_after_an_event_is_that_of_exact_steps() {
             assert_eq!((a.status, b.status), (StepStatus::Advanced, StepStatus::Advanced));
             assert_eq!(a.change.factor, FactorFit::Own);
             most = most.max(b.free_motion.iterations);
+            assert_eq!(b.free_motion.status, palpate::fem::pcg::PcgStatus::Converged, "{name}");
         }
         let moved = distance(old.positions(), old.state().rest());
         let apart = distance(exact.positions(), old.positions());
-        println!("{name}: moved {moved:.2e} m, apart {apart:.1e} m, at most {most} iterations to 1e-11");
-        assert!(apart < 1e-8 * 0.04, "{name}: {apart:e}");
+        println!("{name}: moved {moved:.2e} m, apart {apart:.1e} m, at most {most} iterations to 1e-9");
+        assert!(apart < 1e-7 * 0.04, "{name}: {apart:e}");
         assert!(name == "hold" || moved > 1e-5, "{name}: {moved:e}");
     }
 }
