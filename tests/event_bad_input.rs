@@ -65,7 +65,7 @@ fn events_are_told_in_the_order_of_their_times_and_late_ones_are_warned_of() {
     let world = build("", &format!("{later}{sooner}")).unwrap();
     assert_eq!(world.changes().iter().map(|change| change.time()).collect::<Vec<_>>(), [0.0, 5.0]);
     let understood = world.understood();
-    let (first, second) = (understood.find("event at 0 s: "), understood.find("event at 5 s: 35 nodes held"));
+    let (first, second) = (understood.find("event at 0 s: "), understood.find("event at 5 s: 49 nodes held"));
     assert!(first.is_some() && first < second, "{understood}");
     assert!(world.warnings().iter().any(|w| w.contains("5 s is after the end")), "{:?}", world.warnings());
 }

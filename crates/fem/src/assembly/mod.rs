@@ -238,10 +238,9 @@ fn system_block(K: Half<'_>, coefficients: Coefficients, mass: f64, diagonal: bo
     block
 }
 
-/// The row of a held node: a mass alone, that of the mean node.
+/// The row of a held node: a mass alone.
 fn hold(i: usize, model: &FemModel, blocks: &mut [Matrix3<f64>]) {
-    let total: f64 = model.mass().iter().sum();
-    let mass = if total > 0.0 { total / model.nodes() as f64 } else { 1.0 };
+    let mass = model.held_mass();
     for (p, block) in model.pattern().row(i).zip(blocks) {
         let diagonal = model.pattern().columns()[p] as usize == i;
         *block = if diagonal { Matrix3::from_diagonal_element(mass) } else { Matrix3::zeros() };

@@ -20,6 +20,9 @@ pub struct MatrixChange {
 
 const NOT_TOUCHED: u32 = u32::MAX;
 
+/// Difference of a block, relative to its row's diagonal one, that is none: the same elements summed in another order.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
 /// How a change was taken in.
 #[must_use]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,7 +103,11 @@ impl MatrixChange {
         }
         for i in 0..n {
             let held = newly_held[i];
-            let differs = |p: usize| !newly_held[pattern.columns()[p] as usize] && before.blocks[p] != after.blocks[p];
+            let size = |a: &SystemMatrix| pattern.find(i as u32, i as u32).map_or(0.0, |p| a.blocks[p].amax());
+            let rounding = ROUNDING * size(before).max(size(after));
+            // Written so that NaN differs.
+            let same = |p: usize| (after.blocks[p] - before.blocks[p]).iter().all(|d| d.abs() <= rounding);
+            let differs = |p: usize| !newly_held[pattern.columns()[p] as usize] && !same(p);
             if !held && !pattern.row(i).any(differs) {
                 continue;
             }

@@ -33,7 +33,8 @@ impl FemModel {
         if number_free_nodes(mesh.nodes.len(), &config.fixed).1 != self.node_of_free {
             return differs("fixed nodes");
         }
-        let changed = Self::on_pattern(mesh, config, Some(&self.pattern))?;
+        let mut changed = Self::on_pattern(mesh, config, Some(&self.pattern))?;
+        changed.held_mass = self.held_mass;
         let corners = changed.elements.iter().map(|e| e.nodes.map(|node| changed.free_of_node[node as usize]));
         let mids = changed.quadratic.iter().map(|e| e.nodes.map(|node| changed.free_of_node[node as usize]));
         let coupled = |nodes: &[u32]| {

@@ -71,6 +71,7 @@ pub struct FemModel {
     node_of_free: Vec<u32>,
     /// Whether each free node is held.
     held: Vec<bool>,
+    held_mass: f64,
     pattern: Arc<BlockPattern>,
     upper_blocks: UpperBlocks,
     averaging: Option<Averaging>,
@@ -189,6 +190,11 @@ impl FemModel {
     /// Whether the definiteness filter is on.
     pub fn filter(&self) -> bool {
         self.filter
+    }
+
+    /// Mass in the rows of held nodes (kg): that of the mean node before any change.
+    pub(crate) fn held_mass(&self) -> f64 {
+        self.held_mass
     }
 
     pub(crate) fn batches(&self) -> &[Batch] {

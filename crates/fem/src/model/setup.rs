@@ -100,7 +100,9 @@ impl FemModel {
             memory += batch.elements.len() * points * batch.tissue.viscosity.len();
             batch.memory = first..memory;
         }
+        let total: f64 = mass.iter().sum();
         Ok(Self {
+            held_mass: if total > 0.0 { total / mass.len() as f64 } else { 1.0 },
             q_rest: mesh.nodes.clone(),
             kind: config.element,
             elements,

@@ -52,7 +52,7 @@ pub(super) fn selection(source: &Source<'_>, path: &str, selection: &NodeSelecti
         }
         NodeSelection::Ball { center, radius } => {
             finite(source, path, center)?;
-            positive(source, path, *radius, "m")
+            positive(source, &format!("{path}.ball.radius"), *radius, "m")
         }
         NodeSelection::NodeSet(_) | NodeSelection::Region(_) => Ok(()),
     }
