@@ -53,7 +53,7 @@ fn methods_that_a_changing_body_does_not_go_with_are_refused() {
     refused("element = \"averaged\"", event, &["averaged", "quadratic"]);
     for method in ["lagrange", "penalty"] {
         let text = block::TOML.replace("[contact]\n", &format!("[contact]\nmethod = \"{method}\"\n"));
-        let error = Scene::from_toml(&format!("{text}\n{event}"), Path::new("")).err().expect("refused");
+        let error = Scene::from_toml(&format!("{text}\n{event}"), Path::new("")).expect_err("refused");
         assert!(error.to_string().contains(method), "{error}");
     }
 }
