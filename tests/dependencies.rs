@@ -11,6 +11,7 @@ const MAY_KNOW: &[(&str, &[&str])] = &[
     ("palpate-constraints", &["palpate-fem", "palpate-collision"]),
     ("palpate-solver", &["palpate-constraints"]),
     ("palpate-haptics", &["palpate-solver", "palpate-constraints"]),
+    ("palpate-devices", &["palpate-haptics", "palpate-trace"]),
     (
         "palpate",
         &[
@@ -21,9 +22,11 @@ const MAY_KNOW: &[(&str, &[&str])] = &[
             "palpate-solver",
             "palpate-haptics",
             "palpate-trace",
+            "palpate-devices",
         ],
     ),
     ("palpate-cli", &["palpate"]),
+    ("palpate-capi", &["palpate"]),
 ];
 
 /// Licences without a condition on programs that link the work. MPL-2.0 binds the licensed files only.

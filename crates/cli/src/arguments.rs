@@ -98,6 +98,8 @@ pub(crate) enum Command {
     Chart(ChartArguments),
     /// List the bundled scenes.
     Scenes,
+    /// List the devices: which are found, and why the others are not.
+    Devices(DevicesArguments),
     /// Solve contact problems from files: our JSON, or the .dat texts of Siconos.
     ///
     /// For each file and solver: how it ended, its iterations, the residual that is left, the gap of the block that is farthest
@@ -110,6 +112,19 @@ pub(crate) enum Command {
         /// The trace.
         trace: PathBuf,
     },
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DevicesArguments {
+    /// Force Dimension's DHD library, where it is not found by its own name.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) dhd: Option<PathBuf>,
+    /// OpenHaptics' HDAPI library, where it is not found by its own name.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) hd: Option<PathBuf>,
+    /// Address of Haply's service, ws://localhost:10001 by default.
+    #[arg(long, value_name = "URL")]
+    pub(crate) haply: Option<String>,
 }
 
 #[derive(Debug, Args)]

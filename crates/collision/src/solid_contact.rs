@@ -15,7 +15,7 @@ use crate::triangle::closest_segments;
 /// A potential contact of a solid with another, the counterpart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolidContact {
-    /// Identifies the pair of features, so that forces can be matched between steps.
+    /// Identifies the pair of features, so that forces can be matched between steps; bits 52 to 60 are zero.
     pub feature: u64,
     /// Unit vector from the counterpart towards the solid.
     pub normal: Vector3<f64>,
@@ -55,10 +55,13 @@ struct Segment {
     wedge: Option<[Vector3<f64>; 2]>,
 }
 
-/// Which features met, in the two high bits of an identifier.
-const POINT: u64 = 0;
-const POINT_OF_COUNTERPART: u64 = 1 << 62;
-const EDGES: u64 = 2 << 62;
+/// Which features met, in the three high bits of an identifier: numbers that no feature of a skin has.
+const POINT: u64 = 3 << 61;
+const POINT_OF_COUNTERPART: u64 = 4 << 61;
+const EDGES: u64 = 5 << 61;
+
+/// Bits in which each of two edges is numbered.
+const EDGE_BITS: u32 = 26;
 
 impl Placed<'_> {
     fn is_usable(&self) -> bool {
@@ -137,28 +140,37 @@ pub fn meet(
     if !counterpart.is_ball() || body.is_ball() {
         body.points(|k, x, radius| {
             let near = counterpart.solid.signed_distance(counterpart.pose, &x);
-            let point = x - near.normal * radius;
-            offer(SolidContact { feature: POINT | k, normal: near.normal, point, gap: near.distance - radius });
+            let normal = some_way(near.normal);
+            offer(SolidContact { feature: POINT | k, normal, point: x - normal * radius, gap: near.distance - radius });
         });
     }
     if !body.is_ball() {
         counterpart.points(|k, x, radius| {
             let near = body.solid.signed_distance(body.pose, &x);
-            let (normal, gap) = (-near.normal, near.distance - radius);
+            let (normal, gap) = (-some_way(near.normal), near.distance - radius);
             offer(SolidContact { feature: POINT_OF_COUNTERPART | k, normal, point: near.point, gap });
         });
     }
-    for i in 0..body.segment_count() {
-        for j in 0..counterpart.segment_count() {
-            let (Some(a), Some(b)) = (body.segment(i), counterpart.segment(j)) else { continue };
-            if let Some(contact) = edges(&body, &counterpart, &a, &b) {
-                offer(SolidContact { feature: EDGES | (i as u64) << 31 | j as u64, ..contact });
-            }
-        }
+    // Along the perpendicular of edges beside one another solids may seem to overlap far deeper than they do: the way out
+    // is then through a face or other edges. Twice its depth leaves room for several ways at once.
+    let mut greatest = f64::NEG_INFINITY;
+    each_crossing(&body, &counterpart, |_, contact, _| greatest = greatest.max(contact.gap));
+    if greatest > f64::NEG_INFINITY {
+        greatest = greatest.max(face_separation(&body, &counterpart));
     }
+    each_crossing(&body, &counterpart, |number, contact, length| {
+        if contact.gap >= (2.0 * greatest).min(0.5 * greatest) - 1e-9 * length {
+            offer(SolidContact { feature: EDGES | number, ..contact });
+        }
+    });
     out.sort_unstable_by_key(|c| c.feature);
     report.contacts = out.len();
     report
+}
+
+/// On an axis or in a centre no way out is nearest, and any will do.
+fn some_way(normal: Vector3<f64>) -> Vector3<f64> {
+    if normal == Vector3::zeros() { Vector3::z() } else { normal }
 }
 
 /// True where the boxes of two bounded solids are farther apart than the margin.
@@ -169,8 +181,40 @@ fn apart(a: &Placed<'_>, b: &Placed<'_>, margin: f64) -> bool {
     }
 }
 
+/// The greatest separation of two convex solids along the normal of any of their faces \[m\], negative where they overlap
+/// along all; minus infinity where neither has faces.
+fn face_separation(a: &Placed<'_>, b: &Placed<'_>) -> f64 {
+    let along = |faced: &Placed<'_>, other: &Placed<'_>| {
+        let Solid::Convex(shape) = faced.solid else { return f64::NEG_INFINITY };
+        let Some(hull) = shape.hull() else { return f64::NEG_INFINITY };
+        let triangles = hull.normals().iter().zip(hull.triangles());
+        let separation = triangles.map(|(normal, triangle)| {
+            let normal = faced.pose.rotation * normal;
+            let origin = faced.pose.transform_point(&hull.vertices()[triangle[0] as usize].into()).coords;
+            let mut least = f64::INFINITY;
+            other.points(|_, x, radius| least = least.min((x - origin).dot(&normal) - radius));
+            least
+        });
+        separation.fold(f64::NEG_INFINITY, f64::max)
+    };
+    along(a, b).max(along(b, a))
+}
+
+/// Calls `visit` with each pair of segments that has a common perpendicular: its number, the contact without a feature, and
+/// the length of the body's segment.
+fn each_crossing(body: &Placed<'_>, counterpart: &Placed<'_>, mut visit: impl FnMut(u64, SolidContact, f64)) {
+    for i in 0..body.segment_count() {
+        let Some(a) = body.segment(i) else { continue };
+        for j in 0..counterpart.segment_count() {
+            if let Some(contact) = counterpart.segment(j).and_then(|b| edges(&a, &b)) {
+                visit((i as u64) << EDGE_BITS | j as u64, contact, (a.ends[1] - a.ends[0]).norm());
+            }
+        }
+    }
+}
+
 /// The contact of two segments along their common perpendicular, where it lies within both.
-fn edges(body: &Placed<'_>, counterpart: &Placed<'_>, a: &Segment, b: &Segment) -> Option<SolidContact> {
+fn edges(a: &Segment, b: &Segment) -> Option<SolidContact> {
     let (s, t) = closest_segments(&a.ends[0], &a.ends[1], &b.ends[0], &b.ends[1]);
     // At an end it is a corner, which is held already.
     let inner = |x: f64| x > 0.0 && x < 1.0;
@@ -192,14 +236,6 @@ fn edges(body: &Placed<'_>, counterpart: &Placed<'_>, a: &Segment, b: &Segment) 
         return None;
     }
     let gap = (x - y).dot(&normal) - a.radius - b.radius;
-    if gap < 0.0 {
-        // The crossing of two edges is the way out only where no face is much nearer.
-        let depth = |of: &Placed<'_>, at: &Vector3<f64>| -of.solid.signed_distance(of.pose, at).distance;
-        let deep = depth(counterpart, &(x - normal * a.radius)).max(depth(body, &(y + normal * b.radius)));
-        if -gap > 2.0 * deep + 1e-9 * along.norm() {
-            return None;
-        }
-    }
     Some(SolidContact { feature: 0, normal, point: x - normal * a.radius, gap })
 }
 
@@ -215,7 +251,7 @@ fn within(wedge: Option<[Vector3<f64>; 2]>, direction: &Vector3<f64>) -> bool {
 /// is no room.
 fn keep(contact: SolidContact, config: &DetectionConfig, out: &mut Vec<SolidContact>, report: &mut MeetReport) {
     let finite = contact.point.iter().chain(contact.normal.iter()).all(|x| x.is_finite());
-    if !finite || contact.gap.is_nan() || contact.gap > config.margin || contact.normal == Vector3::zeros() {
+    if !finite || contact.gap.is_nan() || contact.gap > config.margin {
         return;
     }
     let near = config.merge_distance * config.merge_distance;

@@ -37,7 +37,7 @@ fn rows_of(
         free_of_node: free,
         v_free,
         dt: 0.03,
-        counterpart: Counterpart::Tool { reference: pose.translation.vector, motion: motion },
+        counterpart: Counterpart::Tool { reference: pose.translation.vector, motion },
         friction: true,
     };
     let mut rows = ContactRows::with_capacity(contacts.len());

@@ -3,7 +3,7 @@
 
 mod tissue_setup;
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 use palpate_fem::{
     assembly::{Coefficients, elastic_energy},
     assembly::{FemWorkspace, advance_memory, assemble, assemble_with, incremental_energy, internal_forces},
@@ -277,6 +277,51 @@ fn force_and_tangent_of_a_step_are_derivatives_of_its_energy() {
             let exact: Vector3<f64> =
                 (0..model.nodes()).map(|j| K.fixed_view::<3, 3>(3 * i, 3 * j) * direction[j]).sum();
             assert!((difference - exact).norm() < 1e-7 * K.amax(), "{kind:?} {} node {i}", material.name());
+        }
+    }
+}
+
+#[test]
+fn every_point_of_quadrature_remembers_its_own_stress() {
+    let mut random = Random(59);
+    let dt = 0.02;
+    for (kind, material) in viscous_kinds().filter(|(kind, _)| *kind != ElementKind::Averaged) {
+        let model = model_by(kind, material, &LIVER, false);
+        let mut state = model.rest_state();
+        for _ in 0..2 {
+            state.q.iter_mut().for_each(|q| *q += random.vector() * 0.003);
+            advance_memory(&model, &mut state, 0.05);
+        }
+        state.q.iter_mut().for_each(|q| *q += random.vector() * 0.003);
+        let mut ws = FemWorkspace::new(&model);
+        ws.dt = dt;
+        internal_forces(&model, &state, &mut ws);
+
+        // From the equations alone: P = relaxed law - F Γ, f_i = -Σ w P ∇N_i.
+        let share: f64 = LIVER.iter().map(|t| t.modulus * dt / (dt + t.time)).sum();
+        let law = material.relaxed(share);
+        let mut expected = vec![Vector3::zeros(); model.nodes()];
+        let mut histories = state.memory.chunks_exact(LIVER.len());
+        let mut add = |nodes: &[u32], gradients: &[Vector3<f64>], weight: f64| {
+            let history = histories.next().expect("one for each point").iter().zip(LIVER);
+            let s: Vector6<f64> = history.map(|(s, t)| s * (t.time / (dt + t.time))).sum();
+            let memory = Matrix3::new(s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]);
+            let F: Matrix3<f64> = nodes.iter().zip(gradients).map(|(&i, g)| state.q[i as usize] * g.transpose()).sum();
+            let P = law.first_piola(&F) - F * memory;
+            nodes.iter().zip(gradients).for_each(|(&i, g)| expected[i as usize] -= P * g * weight);
+        };
+        if kind == ElementKind::Quadratic {
+            for element in model.quadratic_elements() {
+                (0..POINTS).for_each(|k| add(&element.nodes, &element.gradients(k), element.weights[k]));
+            }
+        } else {
+            for element in model.elements() {
+                add(&element.nodes, &element.shape_vectors(), element.volume);
+            }
+        }
+        let largest = expected.iter().map(Vector3::norm).fold(0.0, f64::max);
+        for (ours, expected) in ws.f_int.iter().zip(&expected) {
+            assert!((ours - expected).norm() < 1e-11 * largest, "{kind:?} {}: {ours} {expected}", material.name());
         }
     }
 }

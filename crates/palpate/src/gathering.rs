@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use palpate_constraints::compliance::ComplianceMethod;
+use palpate_haptics::device::DeviceError;
 
 use crate::record::TraceOutcome;
 use crate::refresh::RefreshReport;
@@ -53,6 +54,9 @@ pub(crate) struct Gathering {
     changes: Vec<EventRecord>,
     outdated: u64,
     events: Vec<String>,
+    /// Ticks whose device did not answer, with time and reason of the first.
+    unanswered: u64,
+    first_unanswered: Option<(f64, DeviceError)>,
 }
 
 impl Gathering {
@@ -99,6 +103,8 @@ impl Gathering {
             changes: Vec::new(),
             outdated: 0,
             events: world.changes().iter().map(|change| change.text().to_string()).collect(),
+            unanswered: 0,
+            first_unanswered: None,
         }
     }
 
@@ -176,7 +182,18 @@ impl Gathering {
         self.largest_force = self.largest_force.max(self.force);
         self.largest_jump = self.largest_jump.max(record.force_jump);
         self.worst_tick_residual = self.worst_tick_residual.max(record.residual);
+        if let Some(error) = record.device_error {
+            self.unanswered += 1;
+            self.first_unanswered.get_or_insert((record.time, error));
+        }
         observer.tick(report);
+    }
+
+    /// What there is to say about a device that did not answer.
+    pub(crate) fn device_note(&self) -> Option<String> {
+        let (time, error) = self.first_unanswered?;
+        let ticks = self.unanswered;
+        Some(format!("no force in {ticks} ticks, the first at {time:.3} s: {error}"))
     }
 
     /// Steps, factors and ticks so far.

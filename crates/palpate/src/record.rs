@@ -9,6 +9,7 @@ use palpate_collision::solid::Solid;
 use palpate_constraints::frame::ContactFrame;
 use palpate_fem::factor::FactorStatus;
 use palpate_fem::pcg::PcgStatus;
+use palpate_haptics::device::DeviceSpec;
 use palpate_haptics::record::TickFlags;
 use palpate_trace as trace;
 use palpate_trace::{
@@ -29,6 +30,9 @@ pub(crate) const SCENE: &str = "scene.toml";
 
 /// Mode of a run in virtual time, in the metadata of its trace.
 pub(crate) const LOCKSTEP: &str = "lockstep";
+
+/// Entry of the trace's engine record for the limits that the device stated, as TOML.
+pub(crate) const DEVICE_RECORD: &str = "device_record";
 
 /// Metadata record that says how the run ended, and its entry for the number of ticks.
 pub(crate) const END: &str = "end";
@@ -60,10 +64,15 @@ type Lines = (StepLine, TickLine, FactorLine, Option<TraceLines>);
 
 impl TraceLines {
     /// Opens the trace that the options name. A file that cannot be made is noted, and the run goes on without one.
-    pub(crate) fn open(world: &World, options: &RunOptions, notes: &mut Vec<String>) -> Result<Lines, RunError> {
+    pub(crate) fn open(
+        world: &World,
+        options: &RunOptions,
+        device: &DeviceSpec,
+        notes: &mut Vec<String>,
+    ) -> Result<Lines, RunError> {
         match &options.trace {
             None => Ok(Self::none()),
-            Some(path) => match Self::create(world, options, path) {
+            Some(path) => match Self::create(world, options, device, path) {
                 Err(error @ TraceError::Create { .. }) => {
                     notes.push(format!("{error}; the run goes on without a trace"));
                     Ok(Self::none())
@@ -77,8 +86,8 @@ impl TraceLines {
         (StepLine(None), TickLine(None), FactorLine(None), None)
     }
 
-    fn create(world: &World, options: &RunOptions, path: &Path) -> Result<Lines, TraceError> {
-        let config = config(world, options);
+    fn create(world: &World, options: &RunOptions, device: &DeviceSpec, path: &Path) -> Result<Lines, TraceError> {
+        let config = config(world, options, device);
         let (ticks, steps, factors, lines) = if options.lockstep {
             let (inline, ticks, steps, factors) = InlineTrace::create(path, &config)?;
             (ticks, steps, factors, Self::Inline(Box::new(inline)))
@@ -132,7 +141,7 @@ impl TraceLines {
     }
 }
 
-fn config(world: &World, options: &RunOptions) -> TraceConfig {
+fn config(world: &World, options: &RunOptions, device: &DeviceSpec) -> TraceConfig {
     let scene = world.description();
     let base = if options.lockstep { TraceConfig::default() } else { TraceConfig::real_time() };
     let length = options.length.seconds(world.dt());
@@ -146,6 +155,8 @@ fn config(world: &World, options: &RunOptions) -> TraceConfig {
         ("step_rate_hz".into(), format!("{:?}", scene.rates.step)),
         ("factor_rate_hz".into(), format!("{:?}", scene.rates.factor)),
         ("tick_rate_hz".into(), format!("{:?}", scene.rates.tick)),
+        // What hardware says of itself is not in the scene. Numbers and names can be written as TOML.
+        (DEVICE_RECORD.into(), toml::to_string(device).unwrap_or_default()),
     ]);
     let scene_file =
         Attachment { name: SCENE.into(), media_type: "application/toml".into(), data: world.scene().text().into() };
@@ -248,7 +259,7 @@ impl StepLine {
             cg_residual: report.free_motion.relative_residual,
             solver_sweeps: report.solve.iterations,
             solver_residual: report.solve.residual,
-            worst_row: worst_row(report),
+            worst_row: report.worst_row.map_or(-1, |row| i32::try_from(row).unwrap_or(i32::MAX)),
             factor_epoch: report.factor_epoch,
             factor_age: report.factor_age,
             tool_force: report.force.into(),
@@ -286,12 +297,6 @@ impl StepLine {
             }
         });
     }
-}
-
-/// First row of the contact with the largest residual: all contacts of a step have equally many. -1 without contacts.
-fn worst_row(report: &StepReport) -> i32 {
-    let rows = report.rows.rows.checked_div(report.rows.contacts);
-    rows.and_then(|n| i32::try_from(report.solve.worst_block as usize * n).ok()).unwrap_or(-1)
 }
 
 impl TickLine {

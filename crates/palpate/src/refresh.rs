@@ -48,7 +48,7 @@ pub struct FactorSample {
     pub q: Vec<Vector3<f64>>,
     /// Events before the step that made it anew where no factor stage does; 0 where none has.
     pub(crate) renewed: usize,
-    /// `A = Pᵀ L Lᵀ P`.
+    /// `A = Pᵀ L Lᵀ P`, with a copy in single precision as the preconditioner of later steps.
     pub factor: Factor,
 }
 
@@ -65,7 +65,7 @@ impl FactorSample {
         q: &[Vector3<f64>],
         system: &SystemMatrix,
     ) -> Result<Self, FactorStatus> {
-        let mut factor = Factor::new(Arc::clone(symbolic));
+        let mut factor = Factor::with_single_precision_copy(Arc::clone(symbolic));
         match factor.refactor(system).status {
             FactorStatus::Ok => Ok(Self { epoch, step, time, q: q.into(), renewed: 0, factor }),
             status => Err(status),

@@ -123,6 +123,12 @@ pub fn run(
     stop: &AtomicBool,
     observer: &mut dyn Observer,
 ) -> Result<RunOutcome, RunError> {
+    let kind = &world.description().device.kind;
+    if options.lockstep && !crate::devices::has_virtual_time(kind) {
+        return Err(RunError::Device(format!(
+            "`{kind}` moves by itself and has no virtual time: run it in real time, without lockstep"
+        )));
+    }
     let pool = workers(options.threads)?;
     // Made inside the pool: the workspace of the assembly is laid out for its number of threads.
     let engine = pool.install(|| Engine::new(world, options))?;

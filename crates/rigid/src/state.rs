@@ -33,15 +33,15 @@ impl RigidState {
 
     /// Inertia about the centre of mass along the world's axes (kg m²).
     pub fn inertia(&self, model: &RigidModel) -> Matrix3<f64> {
-        self.to_world(model.inertia())
+        self.in_world(model.inertia())
     }
 
     /// Its inverse.
     pub fn inverse_inertia(&self, model: &RigidModel) -> Matrix3<f64> {
-        self.to_world(model.inverse_inertia())
+        self.in_world(model.inverse_inertia())
     }
 
-    fn to_world(&self, tensor: &Matrix3<f64>) -> Matrix3<f64> {
+    fn in_world(&self, tensor: &Matrix3<f64>) -> Matrix3<f64> {
         let r = self.pose.rotation.to_rotation_matrix().into_inner();
         r * tensor * r.transpose()
     }

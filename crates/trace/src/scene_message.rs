@@ -119,7 +119,7 @@ fn entity(id: &str, frame: &str, shape: &ToolShape, place: &Pose, fill: [f64; 4]
             entity.cylinders.push(cylinder(*a, *b, *radius, place, fill));
         }
         ToolShape::Mesh { vertices, triangles } => entity.triangles.push(TriangleListPrimitive {
-            pose: Some(place.clone()),
+            pose: Some(*place),
             points: vertices.iter().map(|&[x, y, z]| Point3 { x, y, z }).collect(),
             color: Some(color(fill)),
             colors: Vec::new(),

@@ -166,6 +166,22 @@ fn any_bits_come_back() {
 }
 
 #[test]
+fn rigid_bodies_come_back_to_the_bit_with_their_frames_and_shapes() {
+    let config = palpate_trace::TraceConfig { solids: sample::solids(), ..sample::config() };
+    let mut writer = TraceWriter::new(Cursor::new(Vec::new()), &config).unwrap();
+    (0..40).for_each(|k| writer.write_rigid(&sample::rigid(k)).unwrap());
+    // A body that the trace was not told of has no name, and so no frame.
+    writer.write_rigid(&palpate_trace::RigidRecord { body: 7, ..sample::rigid(40) }).unwrap();
+    let (sink, report, failure) = writer.finish();
+    assert!(failure.is_none(), "{failure:?}");
+    let count = |topic| report.messages.iter().find(|(t, _)| *t == topic).map(|(_, count)| *count);
+    assert_eq!([Topic::RigidState, Topic::Transforms, Topic::BodyShapes].map(count), [Some(41), Some(40), Some(1)]);
+    let trace = read(sink.into_inner());
+    assert_eq!(trace.rigid.len(), 41);
+    assert!(trace.rigid.iter().take(40).zip(0..).all(|(body, k)| body.same_bits(&sample::rigid(k))));
+}
+
+#[test]
 fn factors_log_metadata_and_attachments_come_back() {
     let mut config = sample::config();
     config.start_unix_ns = 1_790_000_000_123_456_789;
@@ -229,7 +245,7 @@ fn poses_and_geometry_are_decimated_and_counted() {
     let read = read(sink.unwrap().into_inner());
     assert_eq!((read.ticks.len(), read.steps.len(), read.factors.len()), (990, 30, 10));
     for (topic, messages) in summary.messages {
-        let own = [Topic::HapticSample, Topic::Step, Topic::Factor, Topic::Log].contains(&topic);
+        let own = [Topic::HapticSample, Topic::Step, Topic::RigidState, Topic::Factor, Topic::Log].contains(&topic);
         assert_eq!(read.others.get(topic.name()).copied(), (!own).then_some(messages), "{topic:?}");
     }
 }

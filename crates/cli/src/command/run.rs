@@ -112,11 +112,10 @@ fn scene(arguments: &RunArguments) -> Result<Scene> {
 fn inputs(arguments: &RunArguments, scene: &Scene) -> Vec<PathBuf> {
     let file = Path::new(&arguments.scene);
     let body = &scene.description().bodies[0];
-    let beside = |name: &String| file.parent().unwrap_or(Path::new("")).join(name);
-    [Some(file.to_path_buf()), body.mesh.as_ref().map(beside), body.image.as_ref().map(beside)]
-        .into_iter()
-        .flatten()
-        .collect()
+    let beside = |name: &str| file.parent().unwrap_or(Path::new("")).join(name);
+    let shapes = scene.description().shape_files().map(|name| Some(beside(name)));
+    let body = [Some(file.to_path_buf()), body.mesh.as_deref().map(beside), body.image.as_deref().map(beside)];
+    body.into_iter().chain(shapes).flatten().collect()
 }
 
 /// Writes table, picture and end state; what cannot be written is told in `lost`, for the run itself is not.

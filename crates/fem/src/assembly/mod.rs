@@ -13,6 +13,7 @@
 #![allow(non_snake_case)]
 
 mod energy;
+mod fold;
 mod packed;
 mod sum;
 mod upper;
@@ -25,6 +26,7 @@ use self::upper::Half;
 pub(crate) use self::{energy::sum_by_halves, packed::PackLists, upper::UpperBlocks};
 pub use self::{
     energy::{elastic_energy, incremental_energy},
+    fold::{FoldReport, Folds, OPEN_BELOW},
     viscous::advance_memory,
 };
 use crate::{
@@ -53,6 +55,8 @@ pub struct FemWorkspace {
     pub dt: f64,
     /// Whether the next assemblies filter the tangents; at first what the model says.
     pub filter: bool,
+    /// Quadratic elements that are held open; at first none.
+    pub folds: Folds,
     /// Upper blocks of `K`.
     upper: Vec<Matrix3<f64>>,
     /// Results of packs, of one kind or the other: one batch on one thread, all batches on several.
@@ -64,7 +68,7 @@ pub struct FemWorkspace {
 }
 
 impl FemWorkspace {
-    /// Memory for a body. If rayon has several threads here, memory for parallel assembly is included (768 bytes a
+    /// Memory for a body. If rayon has several threads here, memory for parallel assembly is included (744 bytes a
     /// linear or averaged element, 3984 a quadratic one); a workspace made where it has one assembles on one thread everywhere.
     pub fn new(model: &FemModel) -> Self {
         let parallel = rayon::current_num_threads() > 1;
@@ -77,6 +81,7 @@ impl FemWorkspace {
             f_int: vec![Vector3::zeros(); model.nodes()],
             dt: f64::INFINITY,
             filter: model.filter(),
+            folds: Folds::new(model),
             upper: vec![Matrix3::zeros(); model.upper_blocks().count()],
             pack_results: vec![PackMatrices::ZERO; if quadratic { 0 } else { results }],
             quadratic_results: vec![QuadraticPackMatrices::ZERO; if quadratic { results } else { 0 }],

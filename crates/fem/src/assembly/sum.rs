@@ -88,6 +88,8 @@ pub(super) fn sum_elements(
     if let (true, Some(groups)) = (tangents, model.averaging()) {
         groups.add_blocks(parallel, &mut ws.averaging, &mut ws.upper);
     }
+    let upper = if tangents { ws.upper.as_mut_slice() } else { &mut [] };
+    ws.folds.add(model, q, wanted == Wanted::Tangents { filter: true }, upper, &mut ws.f_int);
     AssemblyReport::new(report, model)
 }
 

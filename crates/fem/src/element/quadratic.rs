@@ -25,6 +25,7 @@ use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
 pub use self::matrices::QuadraticMatrices;
+pub(crate) use self::matrices::upper_index;
 use crate::rotation::cofactor;
 
 /// Corners that each mid-node lies between, in the order of the mid-nodes.
@@ -246,4 +247,16 @@ impl QuadraticTetrahedron {
     pub fn is_straight(&self) -> bool {
         self.straight
     }
+
+    /// Deformation gradients at the ten nodes, extrapolated from those at the points: exact where edges are straight.
+    pub(crate) fn nodal_gradients(&self, q: &[Vector3<f64>]) -> [Matrix3<f64>; 10] {
+        let points = self.deformation_gradients(q);
+        std::array::from_fn(|i| points.iter().zip(extrapolation(i)).map(|(F, share)| F * share).sum())
+    }
+}
+
+/// Shares of the four points in a value at node `i`, of what varies linearly over the element.
+fn extrapolation(i: usize) -> [f64; POINTS] {
+    let far = (1.0 - NEAR) / 3.0;
+    node_coordinates(i).map(|l| (l - far) / (NEAR - far))
 }

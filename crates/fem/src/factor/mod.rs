@@ -12,17 +12,26 @@
 //! LLᵀ rather than LDLᵀ: `W` wants the symmetric half `L⁻¹`, and a matrix that is not positive definite must be
 //! reported, not factored.
 
+mod arena;
 mod change;
+mod column_kernels;
+mod front;
 mod gram;
+mod half_block;
+mod left_looking;
 mod low_rank;
+mod multifrontal;
 mod numeric;
 mod permuted_blocks;
 pub mod reach;
 mod solve;
+mod substitution;
 mod supernodal_tree;
 mod symbolic;
+mod workers;
 
 pub use change::{ChangeStatus, MatrixChange};
+pub use left_looking::LeftLookingFactor;
 pub use low_rank::UpdateStatus;
 pub use numeric::{Factor, FactorReport, FactorStatus};
 pub use reach::{ReachReport, ReachStatus, ReachWorkspace};

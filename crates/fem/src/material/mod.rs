@@ -123,7 +123,7 @@ pub trait Law: Copy + Send + Sync {
     /// The forces of [`Law::pack`] without tangents: `out` gets forces and volume ratios, its blocks mean nothing then.
     fn pack_forces(&self, at: &DeformedPack<'_>, out: &mut PackMatrices);
 
-    /// Energy of each element of a pack (J), zero in places without one.
+    /// Energy of each element of a pack (J), under pressures as [`Law::pack`]; places without an element mean nothing.
     fn pack_energies(&self, at: &DeformedPack<'_>) -> Row {
         let mut energies = [0.0; PACK];
         for (lane, energy) in energies.iter_mut().enumerate().take(at.rest.len) {

@@ -36,7 +36,7 @@ pub type Edges = [[Row; 3]; 3];
 #[repr(align(64))]
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pack {
-    /// Mesh nodes of each element, ascending.
+    /// Mesh nodes of each element, ascending unless the pack is part of one of quadratic elements.
     pub nodes: [[u32; 4]; PACK],
     /// Number of elements, 1 to 8.
     pub len: usize,
@@ -75,6 +75,15 @@ impl DeformedPack<'_> {
 impl Pack {
     /// Packs up to eight elements; `None` where there is none or more.
     pub fn new(elements: &[Tetrahedron]) -> Option<Self> {
+        Self::ordered(elements, |nodes| {
+            let mut order = [0, 1, 2, 3];
+            order.sort_by_key(|&a| nodes[a]);
+            order
+        })
+    }
+
+    /// [`Pack::new`] with the nodes of each element in the order that `order` gives.
+    fn ordered(elements: &[Tetrahedron], order: impl Fn(&[u32; 4]) -> [usize; 4]) -> Option<Self> {
         let last = elements.last()?;
         if elements.len() > PACK {
             return None;
@@ -89,8 +98,7 @@ impl Pack {
         };
         for lane in 0..PACK {
             let element = elements.get(lane).unwrap_or(last);
-            let mut order = [0, 1, 2, 3];
-            order.sort_by_key(|&a| element.nodes[a]);
+            let order = order(&element.nodes);
             pack.nodes[lane] = order.map(|a| element.nodes[a]);
             let D = element.shape_vectors();
             let D = [D[order[1]], D[order[2]], D[order[3]]];

@@ -8,10 +8,7 @@ use super::{
     points::{Blocks, EdgesAtPoints, Forces},
 };
 use crate::{
-    element::{
-        QuadraticTetrahedron, Tetrahedron, UNIT,
-        quadratic::{EDGES, POINTS},
-    },
+    element::{QuadraticTetrahedron, Tetrahedron, UNIT, quadratic::POINTS},
     material::kernel::Dispatch,
 };
 
@@ -21,8 +18,7 @@ pub type PointMatrices = [PackMatrices; POINTS];
 /// Rest shapes of up to eight quadratic tetrahedra. Places without an element repeat the last one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QuadraticPack {
-    /// Mesh nodes of each element: four corners, then six mid-nodes in VTK's order. Corners of elements with straight
-    /// edges ascend.
+    /// Mesh nodes of each element: four corners, then six mid-nodes in VTK's order.
     pub nodes: [[u32; 10]; PACK],
     /// Number of elements, 1 to 8.
     pub len: usize,
@@ -53,10 +49,10 @@ impl QuadraticPack {
             return None;
         }
         let of_lane = |lane: usize| elements.get(lane).unwrap_or(last);
-        let mut nodes: [[u32; 10]; PACK] = std::array::from_fn(|lane| of_lane(lane).nodes);
+        let nodes: [[u32; 10]; PACK] = std::array::from_fn(|lane| of_lane(lane).nodes);
         let shape = if elements.iter().all(QuadraticTetrahedron::is_straight) {
-            nodes = nodes.map(ascending_corners);
-            let pack = Pack::new(corners)?;
+            // Points of quadrature are numbered like the corners, and what viscous tissue remembers like the points.
+            let pack = Pack::ordered(corners, |_| [0, 1, 2, 3])?;
             let volume = pack.volume;
             Shape::Straight(Box::new(pack.weighted(|lane| volume[lane] / POINTS as f64)))
         } else {
@@ -142,18 +138,4 @@ impl QuadraticPack {
             out.checksum[lane] = points.iter().map(|p| p.checksum[lane]).sum();
         }
     }
-}
-
-/// The same element with its corners ascending.
-fn ascending_corners(nodes: [u32; 10]) -> [u32; 10] {
-    let mut order = [0, 1, 2, 3];
-    order.sort_by_key(|&a| nodes[a]);
-    std::array::from_fn(|i| match i {
-        0..4 => nodes[order[i]],
-        _ => {
-            let (a, b) = (order[EDGES[i - 4].0], order[EDGES[i - 4].1]);
-            let edge = EDGES.iter().position(|&edge| edge == (a.min(b), a.max(b)));
-            nodes[4 + edge.unwrap_or_default()]
-        }
-    })
 }

@@ -13,7 +13,7 @@ use palpate_trace::{FactorStatus, TickFlags, TickRecord, Trace};
 
 use super::Comparison;
 use crate::pace::seconds;
-use crate::record::TickLine;
+use crate::record::{DEVICE_RECORD, TickLine};
 use crate::refresh::FactorSample;
 use crate::run::{Observer, RunError};
 use crate::settle::settle;
@@ -25,7 +25,9 @@ use crate::world::World;
 pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_>) -> Result<bool, RunError> {
     let (snapshot_writer, snapshots) = latest(&HapticSnapshot::new(world.detection().max_contacts));
     let (poses, _) = latest(&world.first_pose());
-    let device = RecordedDevice { spec: DeviceSpec::virtual_device(0.0), ticks: trace.ticks.clone() };
+    let stated = trace.metadata.get("engine").and_then(|engine| engine.get(DEVICE_RECORD));
+    let spec = stated.and_then(|text| toml::from_str(text).ok()).unwrap_or_else(|| DeviceSpec::virtual_device(0.0));
+    let device = RecordedDevice { spec, ticks: trace.ticks.clone() };
     let mut ticker = Ticker::new(world, Box::new(device), snapshots, poses, TickLine::none())?;
     let mut steps = Steps::new(world, trace, snapshot_writer)?;
     let mut before = None;

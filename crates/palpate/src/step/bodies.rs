@@ -2,8 +2,9 @@
 //!
 //! A contact between tissue and such a body has two sides in one row: nodes of the tissue and the twist of the body
 //! ([`palpate_constraints::rows`]). `W` is the sum over all bodies ([`palpate_constraints::body`]), each with its own `A`:
-//! `h² M⁻¹` for a rigid one, nothing for a fixed one. The rows of the tool come first, so that what the tick needs is the
-//! leading block of the problem; towards the tick the other contacts keep the forces that the step found for them.
+//! `h² M⁻¹` for a rigid one, nothing for a fixed one. The rows of the tool come first, on the skin and then on rigid bodies,
+//! so that what the tick needs is the leading block of the problem; towards the tick the other contacts keep the forces
+//! that the step found for them.
 
 use std::ops::Range;
 
@@ -102,8 +103,11 @@ pub(super) struct RigidStage {
     pub(super) carried: Vec<Twist>,
     /// `A⁻¹ Hᵀ` of one row.
     pub(super) sample: Vec<Twist>,
-    /// Blocks of each pair, and one past those of the tool.
+    /// Blocks of each pair.
     blocks: Vec<Range<usize>>,
+    /// Number of blocks of the tool on the skin: the first of all.
+    pub(super) skin_blocks: usize,
+    /// The same with those of the tool on rigid bodies, which follow.
     pub(super) tool_blocks: usize,
     /// Gaps of the tool's rows if nothing but the other contacts touched (m).
     pub(super) tool_delta: Vec<f64>,
@@ -120,6 +124,7 @@ impl RigidStage {
             carried: twists.clone(),
             sample: twists,
             blocks: Vec::with_capacity(pairs),
+            skin_blocks: 0,
             tool_blocks: 0,
             tool_delta: Vec::with_capacity(super::workspace::ROWS * world.detection().max_contacts),
         }
@@ -128,7 +133,7 @@ impl RigidStage {
     /// No pair has a block.
     pub(super) fn clear_blocks(&mut self) {
         self.blocks.clear();
-        self.tool_blocks = 0;
+        (self.skin_blocks, self.tool_blocks) = (0, 0);
     }
 
     fn side(&self, body: usize, state: &[RigidState]) -> Option<RigidSide> {
@@ -180,7 +185,7 @@ pub(super) fn rigid_motion(world: &World, state: &StepState, ws: &mut StepWorksp
     for (body, state) in world.bodies().rigid.iter().zip(&state.rigid) {
         let inertia = state.inverse_inertia(&body.model);
         ws.rigid.inverse.push(RigidInverse { mass: 1.0 / body.model.mass(), inertia });
-        ws.rigid.free.push(free_motion(&body.model, state, &gravity, ws.dt));
+        ws.rigid.free.push(free_motion(&body.model, state, gravity, ws.dt));
     }
 }
 
@@ -245,7 +250,8 @@ pub(super) fn rows(
     ws: &mut StepWorkspace,
 ) -> RowReport {
     let mut report = RowReport::default();
-    ws.rigid.tool_blocks = ws.rows.blocks.len();
+    ws.rigid.skin_blocks = ws.rows.blocks.len();
+    ws.rigid.tool_blocks = ws.rigid.skin_blocks;
     ws.rigid.blocks.clear();
     for (pair, found) in world.bodies().pairs.iter().zip(&state.pairs) {
         let from = ws.rows.blocks.len();
@@ -270,17 +276,30 @@ pub(super) fn rows(
             }
             _ => RowReport::default(),
         });
-        ws.rigid.blocks.push(from..ws.rows.blocks.len());
+        let to = ws.rows.blocks.len();
+        ws.rigid.blocks.push(from..to);
+        if pair.far == Far::Tool {
+            ws.rigid.tool_blocks = to;
+        }
     }
     report
 }
 
 /// Pushes the law of every block, in their order.
 pub(super) fn push_laws(world: &World, of_tool: Law, ws: &mut StepWorkspace) {
-    (0..ws.rigid.tool_blocks).for_each(|_| ws.problem.push_block(of_tool));
+    (0..ws.rigid.skin_blocks).for_each(|_| ws.problem.push_block(of_tool));
     for (pair, blocks) in world.bodies().pairs.iter().zip(&ws.rigid.blocks) {
         blocks.clone().for_each(|_| ws.problem.push_block(law(pair.friction)));
     }
+}
+
+/// Law and identity of a block of the tool on a rigid body, as the tick knows contacts: the identity holds the pair in the
+/// bits that features leave free.
+pub(super) fn tool_block(world: &World, state: &StepState, ws: &StepWorkspace, block: usize) -> Option<(Law, u64)> {
+    let pair = ws.rigid.blocks.iter().position(|blocks| blocks.contains(&block))?;
+    let contact = ws.rows.blocks.get(block)?.contact as usize;
+    let PairContacts::Solids(contacts) = &state.pairs.get(pair)?.contacts else { return None };
+    Some((law(world.bodies().pairs.get(pair)?.friction), contacts.get(contact)?.feature | (pair as u64 & 0x1ff) << 52))
 }
 
 /// First guesses of the forces of all pairs; a contact may have slid by `radius` (m).
@@ -299,6 +318,7 @@ pub(super) fn fetch(state: &mut StepState, ws: &mut StepWorkspace, radius: f64) 
 pub(super) fn store(state: &mut StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
     let m = ws.rows.len();
     let lambda = &ws.lambda[..m];
+    report.bodies.active = 0;
     for (pair, blocks) in state.pairs.iter_mut().zip(&ws.rigid.blocks) {
         let warm = &mut pair.warm_start;
         match &pair.contacts {

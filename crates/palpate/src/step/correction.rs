@@ -98,7 +98,7 @@ pub(super) fn correct(
         ws.correction.fill(f64::NAN);
     }
     if touched {
-        accuracy::correct_exactly(world, factor, ws, report);
+        accuracy::correct_exactly(world, factor, state, ws, report);
     }
     // Explicit forces are those of a step that ended where this one begins.
     let explicit = matches!(world.integration(), Integration::Explicit { .. });

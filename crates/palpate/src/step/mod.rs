@@ -31,6 +31,7 @@ mod lagrange;
 mod newton;
 mod penalty;
 mod preconditioner;
+mod refinement;
 mod report;
 mod stages;
 mod workspace;
@@ -41,7 +42,7 @@ use nalgebra::{Isometry3, Vector3};
 use palpate_fem::assembly::assemble;
 use palpate_haptics::snapshot::HapticSnapshot;
 
-use self::guard::guard;
+use self::guard::{guard, open_folds};
 use self::newton::newton_with_contact;
 use crate::refresh::FactorSample;
 use crate::scene::Refactor;
@@ -85,7 +86,9 @@ pub fn step(
     state.remember();
     match world.integration() {
         Integration::BackwardEuler => {
+            ws.fem.folds.clear();
             report.assembly = assemble(world.model(), &state.fem, world.dt(), &[], &mut ws.fem);
+            open_folds(world, state, ws, &mut report);
             report.times.assembly = clock.lap();
             stages::free_motion(world, input.factor, state, ws, &mut report);
             guard(world, state, ws, &mut report);

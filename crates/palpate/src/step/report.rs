@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Vector3};
 use palpate_collision::detection::DetectionReport;
 use palpate_constraints::compliance::{ComplianceMethod, ComplianceReport};
 use palpate_constraints::rows::RowReport;
-use palpate_fem::assembly::AssemblyReport;
+use palpate_fem::assembly::{AssemblyReport, FoldReport};
 use palpate_fem::pcg::{PcgReport, PcgStatus};
 use palpate_solver::report::SolveReport;
 
@@ -120,6 +120,10 @@ pub struct StepReport {
     pub free_motion: PcgReport,
     /// Halvings of the motion: by the guard of the linearised step, or by the line search of Newton's method.
     pub cuts: u32,
+    /// Linearisations by which the guard repeated the motion; 0 where one was enough.
+    pub repeated: u32,
+    /// Quadratic elements that fold between the points at which they are evaluated, at the begin of the step.
+    pub folds: FoldReport,
     /// Contacts with the tool: found, merged, dropped.
     pub detection: DetectionReport,
     /// Contacts of fixed and rigid bodies with the tissue and with one another.
@@ -144,6 +148,8 @@ pub struct StepReport {
     pub attempts: u32,
     /// Register name of the solver whose forces were taken, or of the direct method; empty where nothing was solved.
     pub solver: &'static str,
+    /// First row of the contact with the largest residual; none without contacts.
+    pub worst_row: Option<u32>,
     /// Contacts with the tool that carry a force.
     pub active: usize,
     /// Force of the tissue on the tool (N).
@@ -179,6 +185,8 @@ impl StepReport {
             assembly: AssemblyReport::NONE,
             free_motion: PcgReport { status: PcgStatus::Converged, iterations: 0, relative_residual: 0.0 },
             cuts: 0,
+            repeated: 0,
+            folds: FoldReport::NONE,
             detection: DetectionReport::NONE,
             bodies: BodiesReport::NONE,
             rows: RowReport::default(),
@@ -190,6 +198,7 @@ impl StepReport {
             solve: NOT_SOLVED,
             attempts: 0,
             solver: "",
+            worst_row: None,
             active: 0,
             force: Vector3::zeros(),
             torque: Vector3::zeros(),

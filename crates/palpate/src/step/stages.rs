@@ -54,7 +54,7 @@ pub(super) fn free_motion(
     }
     let config = PcgConfig { relative_tolerance: body.tolerance, max_iterations: body.max_iterations };
     ws.v_free.fill(0.0);
-    let own = ws.own.as_ref().filter(|_| ws.own_is_current);
+    let own = ws.own.as_ref().filter(|_| ws.own_is_current).or(plan.constant.then_some(&factor.factor));
     let mut preconditioner = StepPreconditioner::new(own, factor, &ws.rotations, &mut ws.solve);
     report.free_motion = pcg(&ws.fem.system, &ws.fem.rhs, &mut ws.v_free, &mut preconditioner, config, &mut ws.pcg);
     for (dv, &node) in ws.v_free.chunks_exact_mut(3).zip(world.model().node_of_free()) {
@@ -130,10 +130,10 @@ pub(super) fn rows(
     choose_laws(world, ws);
 }
 
-/// Gives each block the law that belongs to its free gap.
+/// Gives each contact of tool and skin the law that belongs to its free gap.
 pub(super) fn choose_laws(world: &World, ws: &mut StepWorkspace) {
     let law = world.description().contact.contact_law();
-    for (k, block) in ws.rows.blocks.iter().enumerate().take(ws.rigid.tool_blocks) {
+    for (k, block) in ws.rows.blocks.iter().enumerate().take(ws.rigid.skin_blocks) {
         if let Some(&gap) = ws.rows.delta_free.get(block.first_row as usize) {
             ws.problem.set_law(k, law.at_free_gap(gap));
         }
@@ -227,8 +227,8 @@ pub(super) fn solve(
     ws.lambda[..m].fill(0.0);
     report.solve = SolveReport { status: SolveStatus::Solved, residual: 0.0, worst_gap: 0.0, ..NOT_SOLVED };
     if solved && ws.direct.is_none() {
-        let of_tool = 0..ws.rigid.tool_blocks;
-        state.warm_start.fetch(&state.contacts.contacts, &ws.rows, of_tool, WARM_START_RADIUS, &mut ws.lambda[..m]);
+        let (contacts, on_skin) = (&state.contacts.contacts, 0..ws.rigid.skin_blocks);
+        state.warm_start.fetch(contacts, &ws.rows, on_skin, WARM_START_RADIUS, &mut ws.lambda[..m]);
         bodies::fetch(state, ws, WARM_START_RADIUS);
     }
     if let Some(files) = &mut ws.problem_files {
@@ -247,17 +247,24 @@ pub(super) fn solve(
             (report.attempts, report.solver) = (attempts, solver);
         }
     }
-    bodies::store(state, ws, report);
-    let lambda = &ws.lambda[..m];
+    report.worst_row = ws.rows.blocks.get(report.solve.worst_block as usize).map(|block| block.first_row);
     if let Some(files) = ws.problem_files.as_mut().filter(|_| solved) {
-        files.save(report.step, &ws.problem, lambda);
+        files.save(report.step, &ws.problem, &ws.lambda[..m]);
     }
-    state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rigid.tool_blocks, lambda);
+    take_forces(state, ws, report);
+}
 
+/// Remembers the forces for the next step, and reports their sum.
+pub(super) fn take_forces(state: &mut StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
+    bodies::store(state, ws, report);
+    let lambda = &ws.lambda[..ws.rows.len()];
+    state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rigid.skin_blocks, lambda);
+
+    (report.active, report.indentation) = (0, 0.0);
     let wrench = ws.rows.wrench(lambda);
     (report.force, report.torque) = (wrench.force, wrench.torque);
     let mut friction = Vector3::zeros();
-    for (block, frame) in ws.rows.blocks.iter().zip(&ws.rows.frames).take(ws.rigid.tool_blocks) {
+    for (block, frame) in ws.rows.blocks.iter().zip(&ws.rows.frames).take(ws.rigid.skin_blocks) {
         let Some(force) = lambda.get(block.range()) else { continue };
         if force[0] <= 0.0 {
             continue;

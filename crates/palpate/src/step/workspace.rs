@@ -24,6 +24,7 @@ use std::sync::Arc;
 use super::bodies::{self, PairForce, PairState, RigidStage};
 use super::change::ChangeStage;
 use super::direct::DirectStage;
+use super::refinement::RefinementWorkspace;
 use crate::problem_files::ProblemFiles;
 use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
@@ -208,6 +209,8 @@ pub struct StepWorkspace {
     pub(super) sample: Vec<f64>,
     /// The unit force whose column is compared.
     pub(super) lambda_of_sample: Vec<f64>,
+    /// What a second solve for the forces starts from.
+    pub(super) refinement: RefinementWorkspace,
     /// Newton's method, where it integrates.
     pub(super) newton: Option<NewtonStage>,
     /// Central differences, where they integrate.
@@ -216,6 +219,8 @@ pub struct StepWorkspace {
     pub(super) dt: f64,
     /// Configurations that the guard tries.
     pub(super) trial: FemState,
+    /// Newton's method for quadratic tissue in trouble.
+    pub(super) rescue: Option<ImplicitWorkspace>,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
     /// Passing from one body to the next.
@@ -303,6 +308,8 @@ impl StepWorkspace {
             load: vec![0.0; 3 * free],
             sample: vec![0.0; 3 * free],
             lambda_of_sample: vec![0.0; rows],
+            rescue: super::guard::rescue(world),
+            refinement: RefinementWorkspace::new(rows, 3 * free),
             size: world.mesh().bounding_box().diagonal(),
             change: ChangeStage::new(world),
             problem_files: None,

@@ -136,8 +136,8 @@ impl Bodies {
         Ok(bodies)
     }
 
-    /// All pairs in a stated order: the soft body with each fixed and rigid one, then each rigid body with tool, fixed
-    /// bodies and the rigid ones after it.
+    /// All pairs in a stated order: each rigid body with the tool, the soft body with each fixed and each rigid one, then
+    /// each rigid body with the fixed ones and with the rigid ones after it.
     fn find_pairs(&self, detection: &DetectionConfig, of_contact: f64) -> Vec<Pair> {
         let pair = |near, far, friction, max_contacts| Pair {
             near,
@@ -146,15 +146,19 @@ impl Bodies {
             detection: DetectionConfig { max_contacts, ..*detection },
         };
         let mean = |a: f64, b: f64| (a * b).sqrt();
-        let of_soft_and_fixed = self.fixed.iter().enumerate();
-        let mut pairs: Vec<_> =
-            of_soft_and_fixed.map(|(k, b)| pair(Near::Soft, Far::Fixed(k), b.friction, b.max_contacts)).collect();
+        let mut pairs = Vec::new();
+        for (k, body) in self.rigid.iter().enumerate() {
+            let most = body.max_contacts.min(detection.max_contacts);
+            pairs.push(pair(Near::Rigid(k), Far::Tool, mean(body.friction, of_contact), most));
+        }
+        for (k, body) in self.fixed.iter().enumerate() {
+            pairs.push(pair(Near::Soft, Far::Fixed(k), body.friction, body.max_contacts));
+        }
         for (k, body) in self.rigid.iter().enumerate() {
             pairs.push(pair(Near::Soft, Far::Rigid(k), body.friction, body.max_contacts));
         }
         for (k, body) in self.rigid.iter().enumerate() {
             let with = |far, friction, most: usize| pair(Near::Rigid(k), far, friction, body.max_contacts.min(most));
-            pairs.push(with(Far::Tool, mean(body.friction, of_contact), detection.max_contacts));
             for (j, fixed) in self.fixed.iter().enumerate() {
                 pairs.push(with(Far::Fixed(j), mean(body.friction, fixed.friction), fixed.max_contacts));
             }

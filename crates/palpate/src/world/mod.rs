@@ -172,7 +172,8 @@ impl World {
         &self.warnings
     }
 
-    /// The pose of the tool before the first step: where the hand's path begins.
+    /// The pose of the tool before the device has told one: where the hand's path begins, or without one the device's
+    /// origin.
     pub fn first_pose(&self) -> Isometry3<f64> {
         first_pose(self.description())
     }
@@ -279,7 +280,7 @@ fn one_line(value: &impl serde::Serialize) -> String {
 }
 
 fn first_pose(description: &SceneDescription) -> Isometry3<f64> {
-    let [x, y, z] = description.hand.path[0].position;
+    let [x, y, z] = description.hand.path.first().map_or(description.device.origin, |key| key.position);
     Isometry3::translation(x, y, z)
 }
 
@@ -421,8 +422,12 @@ fn with_changes(mut world: World, config: &FemConfig, course: Vec<Stretch>) -> R
     Ok(world)
 }
 
-/// Refuses a tool that begins inside the body: there is no skin that it came through.
+/// Refuses a tool that begins inside the body: there is no skin that it came through. Where a real hand begins is its
+/// own affair.
 fn tool_outside(world: &World) -> Result<(), SceneError> {
+    if world.description().hand.path.is_empty() {
+        return Ok(());
+    }
     let mut ws = DetectionWorkspace::new(&world.geometry);
     let mut contacts = ContactSet::with_capacity(world.detection.max_contacts);
     let pose = world.first_pose();

@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::QuadraticTetrahedron;
+use super::{QuadraticTetrahedron, extrapolation};
 use crate::{
     element::{ElementMatrices, UNIT},
     material::Law,
@@ -15,28 +15,23 @@ impl QuadraticTetrahedron {
     /// Adds the forces of a first Piola stress `P` (Pa) at point `k` to those of nodes 1 to 9 (N).
     #[inline]
     fn add_forces(&self, k: usize, P: &Matrix3<f64>, forces: &mut [Vector3<f64>; 10]) {
-        let wP = P * -self.weights[k];
-        for (force, g) in forces[1..].iter_mut().zip(&self.gradients[k]) {
-            *force += wP * g;
-        }
+        add_forces(&(P * -self.weights[k]), &self.gradients[k], forces);
     }
 
     /// Adds point `k` to the blocks of nodes 1 to 9. `tangent` holds `∂P/∂F` over six times the unit of stress, as the
     /// blocks of the [unit tetrahedron](super::UNIT): block `(k, l)` is `∂P_.k / ∂F_.l / 6` (Pa).
     fn add_blocks(&self, k: usize, tangent: &[Matrix3<f64>; 6], blocks: &mut [Matrix3<f64>; 55]) {
         let w = 6.0 * self.weights[k];
-        let [c00, c01, c02, c11, c12, c22] = tangent.map(|c| c * w);
-        let (c10, c20, c21) = (c01.transpose(), c02.transpose(), c12.transpose());
-        let g = &self.gradients[k];
-        for j in 0..9 {
-            let (x, y, z) = (g[j].x, g[j].y, g[j].z);
-            let t0 = c00 * x + c01 * y + c02 * z;
-            let t1 = c10 * x + c11 * y + c12 * z;
-            let t2 = c20 * x + c21 * y + c22 * z;
-            for i in 0..=j {
-                blocks[upper_index(i + 1, j + 1)] += t0 * g[i].x + t1 * g[i].y + t2 * g[i].z;
-            }
-        }
+        add_blocks(&tangent.map(|c| c * w), &self.gradients[k], blocks);
+    }
+
+    /// Adds what a stress and tangent at node `i` of weight `w` (m³) exert, as [`Self::answer`] does for the points.
+    pub(crate) fn add_at_node(&self, i: usize, w: f64, answer: &ElementMatrices, out: &mut QuadraticMatrices) {
+        let shares = extrapolation(i);
+        let g: [Vector3<f64>; 9] =
+            std::array::from_fn(|j| self.gradients.iter().zip(shares).map(|(g, share)| g[j] * share).sum());
+        add_forces(&(answer.forces * (6.0 * w)), &g, &mut out.forces);
+        add_blocks(&answer.blocks.map(|c| c * (6.0 * w)), &g, &mut out.blocks);
     }
 
     /// Forces and exact tangent of one element, as [`Law::element`]; for packs of elements see
@@ -55,9 +50,33 @@ impl QuadraticTetrahedron {
     }
 }
 
+/// Adds `wP g` to the forces of nodes 1 to 9.
+#[inline]
+fn add_forces(wP: &Matrix3<f64>, g: &[Vector3<f64>; 9], forces: &mut [Vector3<f64>; 10]) {
+    for (force, g) in forces[1..].iter_mut().zip(g) {
+        *force += wP * g;
+    }
+}
+
+/// Adds `g_i · tangent · g_j` to the blocks of nodes 1 to 9.
+#[inline]
+fn add_blocks(tangent: &[Matrix3<f64>; 6], g: &[Vector3<f64>; 9], blocks: &mut [Matrix3<f64>; 55]) {
+    let [c00, c01, c02, c11, c12, c22] = tangent;
+    let (c10, c20, c21) = (c01.transpose(), c02.transpose(), c12.transpose());
+    for j in 0..9 {
+        let (x, y, z) = (g[j].x, g[j].y, g[j].z);
+        let t0 = c00 * x + c01 * y + c02 * z;
+        let t1 = c10 * x + c11 * y + c12 * z;
+        let t2 = c20 * x + c21 * y + c22 * z;
+        for i in 0..=j {
+            blocks[upper_index(i + 1, j + 1)] += t0 * g[i].x + t1 * g[i].y + t2 * g[i].z;
+        }
+    }
+}
+
 /// Place of the block of nodes `i <= j` among the 55 on and above the diagonal, which are listed by rows.
 #[inline]
-const fn upper_index(i: usize, j: usize) -> usize {
+pub(crate) const fn upper_index(i: usize, j: usize) -> usize {
     i * (19 - i) / 2 + j
 }
 
@@ -78,7 +97,7 @@ impl QuadraticMatrices {
     };
 
     /// Node 0 from the others: the shape functions add up to one, so a translation is free of force.
-    fn complete(&mut self) {
+    pub(crate) fn complete(&mut self) {
         self.forces[0] = -self.forces[1..].iter().sum::<Vector3<f64>>();
         for j in 1..10 {
             let column = (1..10).map(|i| match i <= j {

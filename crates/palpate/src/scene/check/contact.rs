@@ -1,6 +1,6 @@
 //! The range of every value of contact and solvers, and which of them fit one another.
 
-use palpate_constraints::law::{self, ConicForm, ContactLaw};
+use palpate_constraints::law::{ConicForm, ContactLaw, Coulomb};
 use palpate_solver::solver::SolverKind;
 
 use super::super::description::{ContactDescription, ContactLawKind, ContactMethod, IntegratorKind, SceneDescription};
@@ -22,6 +22,22 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     positive(source, "solver.tick_tolerance", scene.solver.tick_tolerance, "")?;
     at_least_one(source, "solver.max_sweeps", scene.solver.max_sweeps as usize)?;
     at_least_one(source, "solver.tick_sweeps", scene.solver.tick_sweeps as usize)
+}
+
+/// A number of contacts whose compliance has a sensible size.
+pub(super) fn max_contacts(source: &Source<'_>, path: &str, contacts: usize) -> Checked {
+    at_least_one(source, path, contacts)?;
+    if contacts > 1000 {
+        let message = format!("{contacts} contacts make a compliance of {} MB", 9 * contacts.pow(2) / 131_072);
+        return Err(source.at(path, message, "use at most 1000; 48 serve a fingertip"));
+    }
+    Ok(())
+}
+
+/// A coefficient of Coulomb friction.
+pub(super) fn friction(source: &Source<'_>, path: &str, friction: f64) -> Checked {
+    not_negative(source, path, friction, "")?;
+    Coulomb { friction }.validate().map_err(|e| source.at(path, e.to_string(), e.remedy))
 }
 
 /// The parameters of the law that is used, and of no other.
@@ -74,22 +90,6 @@ fn solver(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     Ok(())
 }
 
-/// A number of contacts whose compliance has a sensible size.
-pub(super) fn max_contacts(source: &Source<'_>, path: &str, contacts: usize) -> Checked {
-    at_least_one(source, path, contacts)?;
-    if contacts > 1000 {
-        let message = format!("{contacts} contacts make a compliance of {} MB", 9 * contacts.pow(2) / 131_072);
-        return Err(source.at(path, message, "use at most 1000; 48 serve a fingertip"));
-    }
-    Ok(())
-}
-
-/// A coefficient of Coulomb friction.
-pub(super) fn friction(source: &Source<'_>, path: &str, friction: f64) -> Checked {
-    not_negative(source, path, friction, "")?;
-    law::Coulomb { friction }.validate().map_err(|e| source.at(path, e.to_string(), e.remedy))
-}
-
 /// The settings of the contact method that is used, and of no other.
 fn contact_method(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     let c = &scene.contact;
@@ -99,14 +99,14 @@ fn contact_method(scene: &SceneDescription, source: &Source<'_>) -> Checked {
         let remedy = "set integrator = \"backward_euler\", or method = \"compliance\"";
         return Err(source.at("contact.method", message, remedy));
     }
-    if c.method != ContactMethod::Compliance && !matches!(c.law, ContactLawKind::Coulomb | ContactLawKind::Signorini) {
-        let message = format!("`{}` knows the laws `coulomb` and `signorini`, not `{}`", c.method.name(), c.law.name());
-        return Err(source.at("contact.law", message, "set one of the two, or method = \"compliance\""));
-    }
     if c.method != ContactMethod::Compliance && !(scene.fixed_bodies.is_empty() && scene.rigid_bodies.is_empty()) {
         let message = format!("`{}` knows the soft body and the tool alone", c.method.name());
         let remedy = "set method = \"compliance\", or remove the fixed and rigid bodies";
         return Err(source.at("contact.method", message, remedy));
+    }
+    if c.method != ContactMethod::Compliance && !matches!(c.law, ContactLawKind::Coulomb | ContactLawKind::Signorini) {
+        let message = format!("`{}` knows the laws `coulomb` and `signorini`, not `{}`", c.method.name(), c.law.name());
+        return Err(source.at("contact.law", message, "set one of the two, or method = \"compliance\""));
     }
     let Some(penalty) = &c.penalty else { return Ok(()) };
     if c.method != ContactMethod::Penalty {

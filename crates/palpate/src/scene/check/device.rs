@@ -1,5 +1,6 @@
 //! The range of every value of device, hand, coupling and limits.
 
+use palpate_devices::place::Place;
 use palpate_haptics::SetupError;
 use palpate_haptics::limits::Limits;
 use palpate_haptics::script::HandScript;
@@ -16,12 +17,25 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     let hands: Vec<_> = crate::devices::hand_names().collect();
     named(source, "hand.preset", &scene.hand.preset, &hands)?;
     let refused = |path: &str, e: SetupError| source.at(path, e.to_string(), "correct the value");
-    let spec = crate::devices::spec(&scene.device).map_err(|e| refused("device.preset", e))?;
+    if scene.device.preset.is_some() && scene.device.record.is_some() {
+        let message = "there is a `preset` and a `record`".to_string();
+        return Err(source.at("device.record", message, "keep the one that describes the device"));
+    }
+    let record = if scene.device.record.is_some() { "device.record" } else { "device.preset" };
+    let spec = crate::devices::spec(&scene.device, None).map_err(|e| refused(record, e))?;
+    if let Some(key) = crate::devices::keys_without_effect(&scene.device).next() {
+        let message = format!("`{key}` has no effect on a device of kind `{}`", scene.device.kind);
+        return Err(source.at(&format!("device.{key}"), message, "leave it out, or change the kind"));
+    }
+    Place::new(&scene.device.place()).map_err(|e| refused("device", e))?;
     scene.device.mechanics.validate().map_err(|e| refused("device.mechanics", e))?;
     if let Some(coupling) = &scene.coupling {
         coupling.validate().map_err(|e| refused("coupling", e))?;
     }
     Limits::new(&scene.limits, &spec).map_err(|e| refused("limits", e))?;
+    if scene.hand.path.is_empty() && !crate::devices::follows_path(&scene.device.kind) {
+        return Ok(());
+    }
     HandScript::new(scene.hand.path.clone()).map_err(|e| {
         let entry = match e {
             SetupError::ScriptGap { entry, .. }

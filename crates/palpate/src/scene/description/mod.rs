@@ -103,3 +103,14 @@ impl Default for RatesDescription {
         Self { step: 30.0, factor: 10.0, tick: 1000.0, factor_delay: 0.1 }
     }
 }
+
+impl SceneDescription {
+    /// The files that shapes of fixed and rigid bodies name.
+    pub fn shape_files(&self) -> impl Iterator<Item = &str> {
+        let fixed = self.fixed_bodies.iter().map(|body| &body.shape);
+        fixed.chain(self.rigid_bodies.iter().map(|body| &body.shape)).filter_map(|shape| match shape {
+            SolidShape::Mesh { file, .. } => Some(file.as_str()),
+            _ => None,
+        })
+    }
+}

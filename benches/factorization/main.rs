@@ -1,5 +1,11 @@
 //! Cholesky factorisation of the liver's system matrix by size, and a full solve. Throughput counts the operations
 //! of the factorisation, so that "elem/s" reads as flop/s.
+//!
+//! `cargo bench --bench factorization -- table` prints instead, for livers and blocks of 1,000 to 8,000 nodes: fill and
+//! operations of three orderings; processor times on one thread of the own factorisation, of faer's over the same
+//! supernodes, and of faer's simplicial one; and the wall time of the own one on two threads over that on one.
+
+#![allow(clippy::print_stdout)]
 
 use criterion::{Criterion, Throughput};
 use palpate::fem::assembly::{FemWorkspace, assemble};
@@ -8,8 +14,10 @@ use palpate::fem::ordering::approximate_minimum_degree;
 use palpate::world::World;
 use std::sync::Arc;
 
+#[path = "../organ/mod.rs"]
 mod organ;
 use organ::{CELLS, SMALL, benches, bent, liver, nodes};
+mod ordering_table;
 
 fn measure(c: &mut Criterion, world: &World) {
     let mut ws = FemWorkspace::new(world.model());
@@ -45,6 +53,10 @@ fn measure(c: &mut Criterion, world: &World) {
 }
 
 fn main() {
+    if std::env::args().any(|argument| argument == "table") {
+        ordering_table::print();
+        return;
+    }
     // One worker, as the factor thread is one.
     benches(1, |c| {
         for cell in CELLS {
