@@ -12,7 +12,8 @@ pub(crate) fn scene_choices() -> String {
   law of a material    {}
   [contact] law        {}
   [contact] method     {}
-  [solver] kind        {}",
+  [solver] kind        {}
+  [[event]]            release, hold or remove (examples/scenes/cut.toml shows where)",
         join(&mut Material::NAMES.iter().copied()),
         join(&mut ContactLawKind::ALL.iter().map(|law| law.name())),
         join(&mut ContactMethod::ALL.iter().map(|method| method.name())),

@@ -14,6 +14,10 @@ pub(crate) fn summary(s: &RunSummary) -> String {
     lines.push(tails(s).to_string());
     lines.push(facts(s).to_string());
     lines.extend(s.rigid_bodies.iter().map(|body| format!("rigid body {body}")));
+    lines.extend(s.events.iter().map(|event| format!("event at {event}")));
+    if s.outdated_steps > 0 {
+        lines.push(format!("steps with a factor that could not follow an event: {}", s.outdated_steps));
+    }
     if let Some(trace) = &s.trace {
         let trouble = trace.error.as_deref().map(|e| format!("; {e}")).unwrap_or_default();
         lines.push(format!(

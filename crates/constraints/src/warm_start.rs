@@ -41,6 +41,9 @@ impl Remembered for SolidContact {
     }
 }
 
+/// The feature of a force that is remembered by its place alone: no surface has it.
+const NO_FEATURE: u64 = u64::MAX;
+
 /// One remembered force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Entry {
@@ -77,6 +80,13 @@ impl WarmStart {
     /// Forgets all forces and keeps the memory.
     pub fn clear(&mut self) {
         self.entries.clear();
+    }
+
+    /// Gives the features of a changed surface their new numbers. A force whose feature has none is remembered by its place
+    /// alone.
+    pub fn renumber(&mut self, number: impl Fn(u64) -> Option<u64>) {
+        self.entries.iter_mut().for_each(|entry| entry.feature = number(entry.feature).unwrap_or(NO_FEATURE));
+        self.entries.sort_unstable_by_key(|entry| entry.feature);
     }
 
     /// Number of remembered forces.

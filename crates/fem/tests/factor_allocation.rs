@@ -8,7 +8,10 @@ use std::sync::Arc;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
 use factor_bodies::{Body, Random};
 use nalgebra::{DMatrix, Matrix3};
-use palpate_fem::factor::{Factor, FactorStatus, ReachStatus, ReachWorkspace, SolveWorkspace, SymbolicFactor};
+use palpate_fem::factor::{
+    ChangeStatus, Factor, FactorStatus, MatrixChange, ReachStatus, ReachWorkspace, SolveWorkspace, SymbolicFactor,
+    UpdateStatus,
+};
 use palpate_fem::pcg::{PcgConfig, PcgStatus, PcgWorkspace, pcg};
 use palpate_fem::preconditioner::{BlockJacobi, FactorPreconditioner, WarpedPreconditioner};
 
@@ -20,9 +23,15 @@ fn run_paths_allocate_nothing() {
     // large enough that fronts, solves and rows are cut into tasks
     let body = Body::block([9, 9, 9], 1);
     let n = body.free_nodes();
-    let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
+    let symbolic = SymbolicFactor::new(&body.pattern, &body.positions).unwrap().with_room_for_changes(40);
+    let symbolic = Arc::new(symbolic);
     let mut factor = Factor::with_single_precision_copy(symbolic.clone());
     let matrices = [body.system(2), body.system(3)];
+    let mut change = MatrixChange::with_capacity(n, 40);
+    let mut stiffened = matrices[0].clone();
+    stiffened.blocks[body.pattern.find(9, 9).unwrap()] *= 2.0;
+    let held: Vec<bool> = (0..n).map(|k| k % 40 == 3).collect();
+    let free = vec![false; n];
     let mut indefinite = body.system(4);
     indefinite.blocks[0] = -Matrix3::identity();
     let rows = [body.contact_rows(10, 5), body.scattered_contact_rows(30, 6), body.contact_rows(3, 7)];
@@ -49,6 +58,11 @@ fn run_paths_allocate_nothing() {
                         factor.refactor(&matrices[0]).status == FactorStatus::Ok,
                         factor.solve(&mut x, &mut solve).is_ok(),
                         factor.solve_columns(&mut many, &mut solve).is_ok(),
+                        change.between(&matrices[0], &stiffened, &held) == ChangeStatus::Ok,
+                        factor.change(&change) == UpdateStatus::Ok,
+                        factor.solve(&mut x, &mut solve).is_ok(),
+                        change.between(&matrices[0], &stiffened, &free) == ChangeStatus::Ok,
+                        factor.change(&change) == UpdateStatus::Ok,
                     ];
                     let rows = &rows[k % 3];
                     let m = rows.len();
@@ -63,7 +77,7 @@ fn run_paths_allocate_nothing() {
                     x.fill(0.0);
                     let replaced = jacobi.update(a);
                     let jacobi = pcg(a, &b, &mut x, &mut jacobi, PcgConfig::default(), &mut iteration);
-                    statuses == [true; 4]
+                    statuses == [true; 9]
                         && report.status == ReachStatus::Ok
                         && corrected
                         && warped.status == PcgStatus::Converged

@@ -65,6 +65,12 @@ impl<T: Send> Reader<T> {
         self.output.update()
     }
 
+    /// Refreshes and returns the newest value, to be worked on in place: the buffer is the reader's until the next refresh.
+    pub fn latest_mut(&mut self) -> &mut T {
+        self.output.update();
+        self.output.output_buffer_mut()
+    }
+
     /// Refreshes and returns the newest value.
     pub fn latest(&mut self) -> &T {
         self.output.read()

@@ -12,7 +12,7 @@ use crate::record::{FactorLine, StepLine, TickLine, TraceLines};
 use crate::refresh::{FactorSample, Refresh, RefreshPort, RefreshWatch, refresh};
 use crate::run::{RunError, RunOptions, RunOutcome};
 use crate::settle::settle;
-use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, step};
+use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
 use crate::summary::RigidEnd;
 use crate::tick::Ticker;
 use crate::world::World;
@@ -104,7 +104,7 @@ impl<'w, T> Engine<'w, T> {
         let trace = self.trace.map(|trace| trace.finish(&gathering));
         let mut summary = gathering.summary(self.world, wall, trace);
         summary.rigid_bodies = RigidEnd::all(self.world, &self.stage.state.rigid);
-        RunOutcome { summary, state: self.stage.state.fem }
+        RunOutcome { summary, phase: self.stage.state.phase(), state: self.stage.state.fem }
     }
 }
 
@@ -133,7 +133,9 @@ pub(crate) struct StepStage<'w> {
 impl StepStage<'_> {
     /// One step at `time` (s): latest pose and factor in, snapshot and (where wanted) matrix out.
     pub(crate) fn advance(&mut self, time: f64) -> StepReport {
-        let input = StepInput { time, tool: *self.poses.latest(), factor: self.port.factor() };
+        let factor = self.port.factor();
+        pass_events(self.world, time, factor, &mut self.state, &mut self.ws);
+        let input = StepInput { time, tool: *self.poses.latest(), factor };
         let report = step(self.world, &input, &mut self.state, &mut self.ws, self.snapshots.value_mut());
         self.snapshots.publish();
         self.urged = false;

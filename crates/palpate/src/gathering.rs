@@ -8,8 +8,8 @@ use palpate_haptics::device::DeviceError;
 use crate::record::TraceOutcome;
 use crate::refresh::RefreshReport;
 use crate::run::{Observer, Progress};
-use crate::step::{StepReport, StepStatus};
-use crate::summary::{RunEnd, RunSummary, Tail};
+use crate::step::{FactorFit, StepReport, StepStatus};
+use crate::summary::{EventRecord, RunEnd, RunSummary, Tail};
 use crate::tick::TickReport;
 use crate::world::World;
 
@@ -51,6 +51,9 @@ pub(crate) struct Gathering {
     worst_tick_residual: f64,
     largest_force: f64,
     largest_jump: f64,
+    changes: Vec<EventRecord>,
+    outdated: u64,
+    events: Vec<String>,
     /// Ticks whose device did not answer, with time and reason of the first.
     unanswered: u64,
     first_unanswered: Option<(f64, DeviceError)>,
@@ -97,6 +100,9 @@ impl Gathering {
             worst_tick_residual: 0.0,
             largest_force: 0.0,
             largest_jump: 0.0,
+            changes: Vec::new(),
+            outdated: 0,
+            events: world.changes().iter().map(|change| change.text().to_string()).collect(),
             unanswered: 0,
             first_unanswered: None,
         }
@@ -128,6 +134,15 @@ impl Gathering {
         self.filtered += u64::from(report.assembly.filtered);
         self.inverted += u64::from(report.assembly.inverted);
         self.worst_residual = self.worst_residual.max(report.solve.residual);
+        if report.change.changed {
+            let phase = report.change.phase as usize;
+            let texts = self.events.get(self.changes.len()..phase).unwrap_or(&[]);
+            let (time, iterations) = (report.time, report.free_motion.iterations);
+            let (factor, touched) = (report.change.factor, report.change.touched);
+            let event = |text: &String| EventRecord { time, event: text.clone(), factor, touched, iterations };
+            self.changes.extend(texts.iter().map(event));
+        }
+        self.outdated += u64::from(report.change.factor == FactorFit::Outdated);
         if report.status == StepStatus::RolledBack {
             self.failed = true;
             let place = match report.failed {
@@ -241,6 +256,8 @@ impl Gathering {
             inverted: self.inverted,
             largest_force: self.largest_force,
             largest_jump: self.largest_jump,
+            events: self.changes,
+            outdated_steps: self.outdated,
             records_missed: self.missed,
             files: trace.iter().map(|t| t.path.clone()).collect(),
             trace,

@@ -21,7 +21,7 @@ use serde::Serialize;
 use crate::gathering::Gathering;
 use crate::refresh::RefreshReport;
 use crate::run::{RunError, RunOptions};
-use crate::step::{StepReport, StepState, StepStatus, placements};
+use crate::step::{FactorFit, StepReport, StepState, StepStatus, placements};
 use crate::tick::TickReport;
 use crate::world::World;
 
@@ -240,6 +240,8 @@ impl StepLine {
         flags.set(trace::StepFlags::NO_COMPLIANCE, !report.compliance.usable);
         flags.set(trace::StepFlags::UNSETTLED, report.unsettled);
         flags.set(trace::StepFlags::ROLLED_BACK, report.status == StepStatus::RolledBack);
+        flags.set(trace::StepFlags::CHANGED, report.change.changed);
+        flags.set(trace::StepFlags::FACTOR_OUTDATED, report.change.factor == FactorFit::Outdated);
         line.push(trace::StepRecord {
             step: report.step,
             time_ns,
@@ -274,6 +276,7 @@ impl StepLine {
             overlap: report.error.overlap,
             cuts: report.cuts,
             solver_attempts: report.attempts,
+            phase: report.change.phase,
         });
         for (body, placement) in placements(world, &state.rigid).enumerate() {
             let (position, orientation, velocity, angular_velocity) = placement;

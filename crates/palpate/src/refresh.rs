@@ -19,7 +19,7 @@ use palpate_fem::sparse::SystemMatrix;
 use palpate_haptics::exchange::{Reader, Writer, latest};
 
 use crate::run::RunError;
-use crate::step::{StepReport, StepWorkspace};
+use crate::step::{FactorFit, StepReport, StepWorkspace};
 use crate::world::World;
 
 /// A system matrix on its way to the factor stage.
@@ -46,6 +46,8 @@ pub struct FactorSample {
     pub time: f64,
     /// Configuration of all nodes that it belongs to (m).
     pub q: Vec<Vector3<f64>>,
+    /// Events before the step that made it anew where no factor stage does; 0 where none has.
+    pub(crate) renewed: usize,
     /// `A = Pᵀ L Lᵀ P`, with a copy in single precision as the preconditioner of later steps.
     pub factor: Factor,
 }
@@ -65,7 +67,7 @@ impl FactorSample {
     ) -> Result<Self, FactorStatus> {
         let mut factor = Factor::with_single_precision_copy(Arc::clone(symbolic));
         match factor.refactor(system).status {
-            FactorStatus::Ok => Ok(Self { epoch, step, time, q: q.into(), factor }),
+            FactorStatus::Ok => Ok(Self { epoch, step, time, q: q.into(), renewed: 0, factor }),
             status => Err(status),
         }
     }
@@ -153,10 +155,10 @@ impl RefreshPort {
         Self { link: Link::Fixed(Box::new(first)) }
     }
 
-    /// The latest factor.
-    pub fn factor(&mut self) -> &FactorSample {
+    /// The latest factor; what is done to it lasts until a newer one is there.
+    pub fn factor(&mut self) -> &mut FactorSample {
         match &mut self.link {
-            Link::Stage { factors, .. } => factors.latest(),
+            Link::Stage { factors, .. } => factors.latest_mut(),
             Link::Fixed(first) => first,
         }
     }
@@ -260,8 +262,8 @@ impl RefreshWatch {
         Self { epoch: None, iterations: 0, largest_error: accuracy.unwrap_or(LARGEST_ERROR) }
     }
 
-    /// Whether the factor that this step used is too old: its iterations have doubled since it came into use, or the
-    /// compliance from it is wrong. A function of the reports alone, so that runs in lockstep repeat it.
+    /// Whether the factor that this step used is too old: its iterations have doubled since it came into use, the
+    /// compliance from it is wrong, or it is of the body before an event. A function of the reports alone, so that runs in lockstep repeat it.
     pub fn is_too_old(&mut self, report: &StepReport) -> bool {
         let iterations = report.free_motion.iterations.max(report.error.correction_iterations as usize);
         if self.epoch != Some(report.factor_epoch) {
@@ -269,6 +271,7 @@ impl RefreshWatch {
         }
         let jumped = iterations > FEW_ITERATIONS && iterations > JUMP * self.iterations;
         let wrong = report.error.measured().is_some_and(|error| error > self.largest_error);
-        report.factor_age > 0.0 && (jumped || wrong)
+        let of_another_body = matches!(report.change.factor, FactorFit::Updated | FactorFit::Outdated);
+        report.factor_age > 0.0 && (jumped || wrong) || of_another_body
     }
 }

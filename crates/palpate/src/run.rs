@@ -87,6 +87,8 @@ pub struct RunOutcome {
     pub summary: RunSummary,
     /// Positions and velocities of the body at the end.
     pub state: FemState,
+    /// Events that had happened by then: the body is that of [`World::phase`] of this number.
+    pub phase: usize,
 }
 
 /// Why a run could not begin.

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use crate::refresh::{FactorSample, RefreshWatch};
 use crate::run::RunError;
 use crate::settle::settle;
-use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, step};
+use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, pass_next_event, step};
 use crate::world::World;
 
 /// A body and a tool without device, threads and trace: for programs that bring their own loop, and for measuring.
@@ -79,6 +79,7 @@ impl<'w> Simulation<'w> {
     /// One step without the refresh after it: [`Self::refresh_if_due`] does that, and is to be called before the next.
     pub fn step_alone(&mut self, tool: &Isometry3<f64>) -> StepReport {
         let time = self.state.step as f64 * self.world.dt();
+        pass_events(self.world, time, &mut self.factor, &mut self.state, &mut self.ws);
         let input = StepInput { time, tool: *tool, factor: &self.factor };
         step(self.world, &input, &mut self.state, &mut self.ws, &mut self.snapshot)
     }
@@ -92,6 +93,11 @@ impl<'w> Simulation<'w> {
         }
     }
 
+    /// Lets the next of the scene's events happen now, whatever its time; false where all have happened.
+    pub fn pass_next_event(&mut self) -> bool {
+        pass_next_event(self.world, &mut self.state, &mut self.ws)
+    }
+
     /// Factors the matrix of the step that was just done; the old factor stays where that fails.
     fn refresh(&mut self, report: &StepReport) {
         if self.spare.refactor(&self.ws.fem.system).status != FactorStatus::Ok {
@@ -103,9 +109,9 @@ impl<'w> Simulation<'w> {
         self.factor.q.copy_from_slice(self.state.before());
     }
 
-    /// The world that it simulates.
+    /// The world that it simulates: after events, that of the body that they left.
     pub fn world(&self) -> &World {
-        self.world
+        self.world.phase(self.state.phase())
     }
 
     /// Body, tool, remembered forces.
@@ -126,6 +132,11 @@ impl<'w> Simulation<'w> {
     /// The local problem of the last step, as the tick gets it.
     pub fn snapshot(&self) -> &HapticSnapshot {
         &self.snapshot
+    }
+
+    /// The factor that serves the steps.
+    pub fn factor(&self) -> &FactorSample {
+        &self.factor
     }
 
     /// Contact forces of the last step (N), one per row.

@@ -9,7 +9,7 @@ use palpate_rigid::RigidState;
 use serde::Serialize;
 
 pub use crate::record::TraceOutcome;
-use crate::step::placements;
+use crate::step::{FactorFit, placements};
 use crate::world::World;
 
 /// Median and tails of one measured quantity.
@@ -139,6 +139,34 @@ impl fmt::Display for RigidEnd {
     }
 }
 
+/// An event as it happened.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EventRecord {
+    /// Begin of the first step after it (s).
+    pub time: f64,
+    /// What happened, in words.
+    pub event: String,
+    /// How the latest factor served the changed body in that step.
+    pub factor: FactorFit,
+    /// Nodes whose rows of the matrix changed since that factor, where that was worked out.
+    pub touched: u32,
+    /// Conjugate-gradient iterations of that step.
+    pub iterations: usize,
+}
+
+impl fmt::Display for EventRecord {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.3} s: {}; ", self.time, self.event)?;
+        match self.factor {
+            FactorFit::Own => write!(f, "factored in the step"),
+            FactorFit::Updated => write!(f, "factor updated in {} nodes", self.touched),
+            FactorFit::Renewed => write!(f, "factored anew"),
+            FactorFit::Outdated => write!(f, "the factor could not follow, no contact until the next"),
+        }?;
+        write!(f, ", {} iterations", self.iterations)
+    }
+}
+
 /// The summary of a run. Times in seconds, forces in newtons.
 #[derive(Clone, Debug, Serialize)]
 pub struct RunSummary {
@@ -235,6 +263,11 @@ pub struct RunSummary {
     pub largest_force: f64,
     /// Largest jump of the force at a new snapshot (N).
     pub largest_jump: f64,
+    /// Events that changed the body.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub events: Vec<EventRecord>,
+    /// Steps whose factor was of a body before an event and could not follow it.
+    pub outdated_steps: u64,
     /// Records that the observer missed because its ring was full.
     pub records_missed: u64,
     /// What the trace holds.

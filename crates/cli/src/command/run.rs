@@ -120,7 +120,7 @@ fn inputs(arguments: &RunArguments, scene: &Scene) -> Vec<PathBuf> {
 
 /// Writes table, picture and end state; what cannot be written is told in `lost`, for the run itself is not.
 fn write(outputs: &Outputs, watcher: Watcher, world: &World, outcome: &mut RunOutcome, lost: &mut Vec<String>) {
-    let RunOutcome { summary, state } = outcome;
+    let RunOutcome { summary, state, phase } = outcome;
     if let Some(table) = watcher.table {
         table.finish().map_or_else(|e| lost.push(e), |path| summary.files.push(path));
     }
@@ -131,7 +131,7 @@ fn write(outputs: &Outputs, watcher: Watcher, world: &World, outcome: &mut RunOu
         }
     }
     if let Some(path) = &outputs.final_state {
-        match write_state(path, world, state) {
+        match write_state(path, world.phase(*phase), state) {
             Ok(()) => summary.files.push(path.clone()),
             Err(error) => lost.push(error.to_string()),
         }

@@ -243,8 +243,17 @@ fn system_block(K: Half<'_>, coefficients: Coefficients, mass: f64, diagonal: bo
     block
 }
 
+/// The row of a held node: a mass alone.
+fn hold(i: usize, model: &FemModel, blocks: &mut [Matrix3<f64>]) {
+    let mass = model.held_mass();
+    for (p, block) in model.pattern().row(i).zip(blocks) {
+        let diagonal = model.pattern().columns()[p] as usize == i;
+        *block = if diagonal { Matrix3::from_diagonal_element(mass) } else { Matrix3::zeros() };
+    }
+}
+
 /// Calls `row(free node, mesh node, blocks of the row)` for every row, in parallel where there are threads; what it
-/// returns goes to the right side.
+/// returns goes to the right side. Held nodes have a row of their own.
 fn for_rows(
     model: &FemModel,
     system: &mut SystemMatrix,
@@ -267,6 +276,11 @@ fn for_rows(
             for (i, rhs) in rows.zip(rhs.chunks_exact_mut(3)) {
                 let range = pattern.row(i);
                 let blocks = &mut blocks[range.start - first..range.end - first];
+                if model.held()[i] {
+                    hold(i, model, blocks);
+                    rhs.fill(0.0);
+                    continue;
+                }
                 rhs.copy_from_slice(row(i, model.node_of_free()[i] as usize, blocks).as_slice());
             }
             return;

@@ -7,16 +7,19 @@
 //! * refactorisation: [`Factor::refactor`]
 //! * full solves `x = A⁻¹ b`: [`Factor::solve`], [`Factor::solve_columns`]
 //! * half solves over the reach of sparse rows, `Y = L⁻¹ P Hᵀ`, for `H A⁻¹ Hᵀ = Yᵀ Y` and `A⁻¹ Hᵀ λ`: [`reach`]
+//! * a cut, or a node held or released: [`Factor::change`], until the next refactorisation
 //!
 //! LLᵀ rather than LDLᵀ: `W` wants the symmetric half `L⁻¹`, and a matrix that is not positive definite must be
 //! reported, not factored.
 
 mod arena;
+mod change;
 mod column_kernels;
 mod front;
 mod gram;
 mod half_block;
 mod left_looking;
+mod low_rank;
 mod multifrontal;
 mod numeric;
 mod permuted_blocks;
@@ -27,7 +30,9 @@ mod supernodal_tree;
 mod symbolic;
 mod workers;
 
+pub use change::{ChangeStatus, MatrixChange};
 pub use left_looking::LeftLookingFactor;
+pub use low_rank::UpdateStatus;
 pub use numeric::{Factor, FactorReport, FactorStatus};
 pub use reach::{ReachReport, ReachStatus, ReachWorkspace};
 pub use solve::{SolveStatus, SolveWorkspace};

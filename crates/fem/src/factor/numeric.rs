@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use faer::sparse::linalg::cholesky::supernodal;
 
+use super::low_rank::LowRankUpdate;
 use super::multifrontal::{self, Fault};
 use super::symbolic::SymbolicFactor;
 use super::workers::join;
@@ -12,6 +13,10 @@ use crate::sparse::SystemMatrix;
 
 /// Numbers every successful refactorisation in the process, so that half solves are never paired with another factor.
 static REVISIONS: AtomicU64 = AtomicU64::new(0);
+
+fn next_revision() -> u64 {
+    1 + REVISIONS.fetch_add(1, Ordering::Relaxed)
+}
 
 /// Squares of pivots (unit of `A`) that single precision holds with room to spare: its numbers reach from 1e-38 to 3e38.
 const SOUND: std::ops::RangeInclusive<f64> = 1e-40..=1e40;
@@ -66,10 +71,12 @@ pub struct Factor {
     updates: Vec<f64>,
     /// Zero while there is no valid factor.
     revision: u64,
+    /// What a change since the factorisation takes from the inverse, where there is room for changes.
+    pub(super) update: Option<Box<LowRankUpdate>>,
 }
 
 impl Clone for Factor {
-    /// The same numbers in memory of its own; the scratch memory is made anew.
+    /// The same numbers in memory of its own, without a change since the factorisation; the scratch memory is made anew.
     fn clone(&self) -> Self {
         let mut copy = Self::new(Arc::clone(&self.symbolic));
         copy.values.copy_from_slice(&self.values);
@@ -86,6 +93,7 @@ impl Factor {
         Self {
             values: vec![0.0; symbolic.stored_values()],
             updates: vec![0.0; symbolic.arena().len()],
+            update: (symbolic.change_capacity() > 0).then(|| Box::new(LowRankUpdate::new(&symbolic))),
             symbolic,
             single: None,
             single_is_sound: false,
@@ -125,6 +133,9 @@ impl Factor {
             return failed(FactorStatus::OtherPattern);
         }
         self.revision = 0;
+        if let Some(update) = &mut self.update {
+            update.clear();
+        }
         let factored = multifrontal::factor(&self.symbolic, a, &mut self.values, &mut self.updates);
         if let Err(fault) = factored {
             return failed(match (self.symbolic.first_non_finite(a), fault) {
@@ -140,8 +151,15 @@ impl Factor {
             // no entry of L is larger than the root of the largest diagonal entry of A, of which pivots tell the order
             self.single_is_sound = SOUND.contains(&smallest) && SOUND.contains(&largest);
         }
-        self.revision = 1 + REVISIONS.fetch_add(1, Ordering::Relaxed);
+        self.revision = next_revision();
         FactorReport { status: FactorStatus::Ok, smallest_pivot: smallest, largest_pivot: largest }
+    }
+
+    /// Parts what is derived from now on from what was before.
+    pub(super) fn renew(&mut self) {
+        if self.is_valid() {
+            self.revision = next_revision();
+        }
     }
 
     /// Smallest and largest squared diagonal entry of `L`.

@@ -10,6 +10,7 @@
 use nalgebra::DMatrixViewMut;
 
 use super::half_block::{BLOCK_ROWS, HalfBlock, INACTIVE};
+use super::low_rank::{scratch_of_compliance, scratch_of_solve};
 use super::numeric::Factor;
 use super::solve::{SolveStatus, permute_back};
 use super::substitution;
@@ -66,6 +67,8 @@ pub struct ReachWorkspace {
     permuted: Vec<f64>,
     /// Rows below each front, for the correction.
     below: Vec<f64>,
+    /// For the part of a change since the factorisation.
+    change: Vec<f64>,
     widest_pattern: usize,
     pub(super) rows: usize,
     /// Revision of the factor that the half solves are of; zero while there is none.
@@ -88,6 +91,7 @@ impl ReachWorkspace {
             permuted: vec![0.0; symbolic.degrees_of_freedom()],
             below: vec![0.0; symbolic.rows_below()],
             widest_pattern: symbolic.tree().widest_pattern(),
+            change: vec![0.0; change_scratch(symbolic, max_rows)],
             rows: 0,
             revision: 0,
         }
@@ -172,6 +176,7 @@ impl Factor {
             || workspace.below.len() != symbolic.rows_below()
             || workspace.blocks.first().is_some_and(|block| block.active.len() != symbolic.supernode_count())
             || workspace.widest_pattern < symbolic.tree().widest_pattern()
+            || workspace.change.len() < change_scratch(symbolic, workspace.max_rows)
         {
             return Err(ReachStatus::WrongSize);
         }
@@ -197,7 +202,11 @@ impl Factor {
     ) -> ReachReport {
         let mut report = self.half_solve(rows, workspace);
         if report.status == ReachStatus::Ok {
-            report.status = workspace.gram_into(scale, w);
+            let mut w = w.into();
+            report.status = workspace.gram_into(scale, w.as_view_mut());
+            if let (ReachStatus::Ok, Some(update)) = (report.status, self.changed()) {
+                update.finish_compliance(rows, scale, w, &mut workspace.change);
+            }
         }
         report
     }
@@ -226,6 +235,15 @@ impl Factor {
         }
         substitution::backward(self.symbolic(), self.values(), &mut workspace.permuted, &mut workspace.below);
         permute_back(&self.symbolic().ordering().old_of_new, &workspace.permuted, x);
+        if let Some(update) = self.changed() {
+            update.finish_solve(x, &mut workspace.change);
+        }
         SolveStatus::Ok
     }
+}
+
+/// Scratch for changes: that of a compliance, and of a correction at least.
+fn change_scratch(symbolic: &SymbolicFactor, max_rows: usize) -> usize {
+    let nodes = symbolic.change_capacity();
+    scratch_of_compliance(nodes, max_rows).max(scratch_of_solve(nodes))
 }

@@ -4,6 +4,7 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::{Conj, MatMut, Par};
 
 use super::column_kernels::Stored;
+use super::low_rank::scratch_of_solve;
 use super::numeric::Factor;
 use super::substitution;
 use super::symbolic::SymbolicFactor;
@@ -38,6 +39,8 @@ pub struct SolveWorkspace {
     columns: usize,
     /// Rows below a supernode that `memory` suffices for.
     widest_pattern: usize,
+    /// For the part of a change since the factorisation.
+    change: Vec<f64>,
 }
 
 impl SolveWorkspace {
@@ -54,6 +57,7 @@ impl SolveWorkspace {
             below: vec![0.0; symbolic.rows_below()],
             columns,
             widest_pattern: symbolic.tree().widest_pattern(),
+            change: vec![0.0; scratch_of_solve(symbolic.change_capacity())],
         }
     }
 }
@@ -80,7 +84,10 @@ impl Factor {
     fn solve_with<T: Stored>(&self, values: &[T], x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
         let symbolic = self.symbolic();
         let n = symbolic.degrees_of_freedom();
-        if x.len() != n || workspace.permuted.len() < n || workspace.below.len() != symbolic.rows_below() {
+        let fits = workspace.permuted.len() >= n
+            && workspace.below.len() == symbolic.rows_below()
+            && workspace.change.len() == scratch_of_solve(symbolic.change_capacity());
+        if x.len() != n || !fits {
             return SolveStatus::WrongSize;
         }
         if !self.is_valid() {
@@ -91,6 +98,9 @@ impl Factor {
         substitution::forward(symbolic, values, permuted, &mut workspace.below);
         substitution::backward(symbolic, values, permuted, &mut workspace.below);
         permute_back(&symbolic.ordering().old_of_new, permuted, x);
+        if let Some(update) = self.changed() {
+            update.finish_solve(x, &mut workspace.change);
+        }
         SolveStatus::Ok
     }
 
@@ -99,6 +109,7 @@ impl Factor {
         let n = self.symbolic().degrees_of_freedom();
         let columns = x.len() / n;
         let fits = workspace.permuted.len() == n * workspace.columns
+            && workspace.change.len() == scratch_of_solve(self.symbolic().change_capacity())
             && workspace.widest_pattern >= self.symbolic().tree().widest_pattern();
         if x.len() != n * columns || columns > workspace.columns || !fits {
             return SolveStatus::WrongSize;
@@ -119,6 +130,9 @@ impl Factor {
         );
         for (x, permuted) in x.chunks_exact_mut(n).zip(permuted.chunks_exact(n)) {
             permute_back(order, permuted, x);
+            if let Some(update) = self.changed() {
+                update.finish_solve(x, &mut workspace.change);
+            }
         }
         SolveStatus::Ok
     }

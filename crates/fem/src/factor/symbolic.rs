@@ -67,6 +67,7 @@ pub struct SymbolicFactor {
     blocks: usize,
     nonzeros: usize,
     flops: f64,
+    change_capacity: usize,
 }
 
 impl SymbolicFactor {
@@ -133,7 +134,26 @@ impl SymbolicFactor {
             blocks: pattern.blocks(),
             nonzeros: counts().sum(),
             flops: counts().map(|c| (c * c) as f64).sum(),
+            change_capacity: 0,
         })
+    }
+
+    /// Makes room in every factor and workspace of this topology for changes of up to `nodes` nodes between two
+    /// factorisations ([`super::Factor::change`]): `72 n nodes` bytes a factor.
+    #[must_use]
+    pub fn with_room_for_changes(mut self, nodes: usize) -> Self {
+        self.make_room_for_changes(nodes);
+        self
+    }
+
+    /// As [`SymbolicFactor::with_room_for_changes`]: before any factor or workspace is made for it.
+    pub fn make_room_for_changes(&mut self, nodes: usize) {
+        self.change_capacity = nodes.min(self.nodes());
+    }
+
+    /// The most nodes that a change between two factorisations may touch.
+    pub fn change_capacity(&self) -> usize {
+        self.change_capacity
     }
 
     /// Free nodes `n`; the factor has `3 n` rows.

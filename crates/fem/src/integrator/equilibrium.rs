@@ -287,7 +287,7 @@ fn predict(
         ws.moved[3 * k..3 * k + 3].copy_from_slice(ws.fem.f_int[node as usize].as_slice());
     }
     internal_forces(model, state, &mut ws.fem);
-    for (k, &node) in model.node_of_free().iter().enumerate() {
+    for (k, &node) in model.node_of_free().iter().enumerate().filter(|(k, _)| !model.held()[*k]) {
         let change = (ws.fem.f_int[node as usize] - nodal(&ws.moved, k)) / PROBE;
         (0..3).for_each(|c| ws.direction[3 * k + c] += change[c]);
     }
@@ -306,7 +306,7 @@ fn predict(
 
 fn check(model: &FemModel, loads: &Loads<'_>) -> Result<(), EquilibriumError> {
     let nodes = model.nodes();
-    if model.free_nodes() == nodes {
+    if model.free_nodes() == nodes && !model.held().contains(&true) {
         return Err(EquilibriumError::Unsupported);
     }
     if !loads.f_ext.is_empty() && loads.f_ext.len() != nodes {

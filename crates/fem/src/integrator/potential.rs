@@ -99,7 +99,7 @@ impl Potential<'_> {
         report
     }
 
-    /// `r` (N) into `ws.residual`, from the forces in `ws.fem.f_int`. Returns the size of the forces that it balances
+    /// `r` (N) into `ws.residual`, from the forces in `ws.fem.f_int`; zero at nodes that are held. Returns the size of the forces that it balances
     /// (N): the norms of internal forces (reactions included), loads and momentum over the step.
     pub(super) fn residual(&self, state: &FemState, ws: &mut ImplicitWorkspace) -> f64 {
         let model = self.model;
@@ -107,6 +107,10 @@ impl Potential<'_> {
         let mut external = 0.0;
         let mut momentum = 0.0;
         for (k, &node) in model.node_of_free().iter().enumerate() {
+            if model.held()[k] {
+                ws.residual[3 * k..3 * k + 3].fill(0.0);
+                continue;
+            }
             let (node, mass) = (node as usize, model.mass()[node as usize]);
             let load = self.external(node) * self.load;
             external += load.norm_squared();

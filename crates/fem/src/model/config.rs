@@ -46,6 +46,9 @@ pub struct FemConfig {
     pub gravity: Vector3<f64>,
     /// Mesh nodes that do not move: they keep the position that the state holds. Default: none.
     pub fixed: Vec<u32>,
+    /// Mesh nodes that do not move for now but may be released by [`FemModel::changed`](super::FemModel::changed): they keep
+    /// their rows in the system, which are those of a mass alone. Backward Euler serves such bodies. Default: none.
+    pub held: Vec<u32>,
     /// Definiteness filter: each element's tangent is replaced by the nearest positive semidefinite one. On for real
     /// time; off for reference runs, where Newton's method converges quadratically. Default: true.
     pub filter: bool,
@@ -67,6 +70,7 @@ impl Default for FemConfig {
             rayleigh_stiffness: 0.0,
             gravity: Vector3::new(0.0, 0.0, -9.81),
             fixed: Vec::new(),
+            held: Vec::new(),
             filter: true,
         }
     }
@@ -205,6 +209,15 @@ pub enum FemError {
         /// Nodes of the mesh.
         nodes: usize,
     },
+    /// What a changed body may not differ in from the one that it comes from.
+    #[error("a body that changes in a run keeps its nodes, its fixed nodes and its kind of elements: {what} differ")]
+    Changed {
+        /// What differs.
+        what: &'static str,
+    },
+    /// Elements whose coupling is made anew by every change.
+    #[error("averaged elements cannot be cut, held or released in a run: use linear or quadratic elements")]
+    ChangedAverages,
     /// Every node is fixed.
     #[error("all {nodes} nodes are fixed: nothing can move; use a fixed body, or fix fewer nodes")]
     AllFixed {
@@ -274,7 +287,7 @@ impl FemConfig {
             return Err(FemError::OutOfRange { name: "gravity", value, range: "finite, in m/s²" });
         }
         let nodes = mesh.nodes.len();
-        if let Some(&node) = self.fixed.iter().find(|&&i| i as usize >= nodes) {
+        if let Some(&node) = self.fixed.iter().chain(&self.held).find(|&&i| i as usize >= nodes) {
             return Err(FemError::FixedOutOfRange { node, nodes });
         }
         Ok(())

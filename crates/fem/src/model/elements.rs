@@ -15,6 +15,8 @@ pub(super) struct Elements {
     /// Empty unless the body is quadratic.
     pub(super) quadratic: Vec<QuadraticTetrahedron>,
     pub(super) mass: Vec<f64>,
+    /// Nodes of no element.
+    pub(super) loose: Vec<u32>,
 }
 
 impl Elements {
@@ -37,6 +39,7 @@ impl Elements {
             tetrahedra: Vec::with_capacity(order.len()),
             quadratic: Vec::with_capacity(if quadratic { order.len() } else { 0 }),
             mass: vec![0.0; mesh.nodes.len()],
+            loose: Vec::new(),
         };
         let mut connected = vec![false; mesh.nodes.len()];
         let mut share = |node: u32, share: f64| {
@@ -65,10 +68,8 @@ impl Elements {
             }
             elements.tetrahedra.push(element);
         }
-        match connected.iter().position(|&c| !c) {
-            Some(node) => Err(FemError::Unconnected { node: node as u32 }),
-            None => Ok(elements),
-        }
+        elements.loose = (0..).zip(connected).filter(|(_, connected)| !connected).map(|(node, _)| node).collect();
+        Ok(elements)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Description and state of a soft body.
 
+mod change;
 mod config;
 mod elements;
 mod setup;
@@ -9,7 +10,10 @@ use std::{ops::Range, sync::Arc};
 use nalgebra::{Vector3, Vector6};
 
 pub(crate) use self::config::Tissue;
-pub use self::config::{FemConfig, FemError, MAX_STIFFNESS_RATIO};
+pub use self::{
+    change::CarriedMemory,
+    config::{FemConfig, FemError, MAX_STIFFNESS_RATIO},
+};
 use crate::{
     assembly::{PackLists, UpperBlocks},
     averaging::Averaging,
@@ -65,6 +69,9 @@ pub struct FemModel {
     mass: Vec<f64>,
     free_of_node: Vec<u32>,
     node_of_free: Vec<u32>,
+    /// Whether each free node is held.
+    held: Vec<bool>,
+    held_mass: f64,
     pattern: Arc<BlockPattern>,
     upper_blocks: UpperBlocks,
     averaging: Option<Averaging>,
@@ -82,6 +89,11 @@ impl FemModel {
             v: vec![Vector3::zeros(); self.q_rest.len()],
             memory: vec![Vector6::zeros(); self.memory],
         }
+    }
+
+    /// Entries of [`FemState::memory`].
+    pub fn memory(&self) -> usize {
+        self.memory
     }
 
     /// Number of mesh nodes.
@@ -140,12 +152,17 @@ impl FemModel {
         &self.mass
     }
 
-    /// Free number of every node, [`FIXED`] for fixed ones.
+    /// Free number of every node, [`FIXED`] for fixed ones and for those that are held.
     pub fn free_of_node(&self) -> &[u32] {
         &self.free_of_node
     }
 
-    /// Mesh node of every free node, ascending.
+    /// For every free node whether it is held: it has rows in the system, but does not move.
+    pub fn held(&self) -> &[bool] {
+        &self.held
+    }
+
+    /// Mesh node of every free node, held ones included, ascending.
     pub fn node_of_free(&self) -> &[u32] {
         &self.node_of_free
     }
@@ -173,6 +190,11 @@ impl FemModel {
     /// Whether the definiteness filter is on.
     pub fn filter(&self) -> bool {
         self.filter
+    }
+
+    /// Mass in the rows of held nodes (kg): that of the mean node before any change.
+    pub(crate) fn held_mass(&self) -> f64 {
+        self.held_mass
     }
 
     pub(crate) fn batches(&self) -> &[Batch] {

@@ -22,6 +22,15 @@ impl FemModel {
     /// # Errors
     /// Every mistake of mesh or configuration that would otherwise surface during a run; see [`FemError`].
     pub fn new(mesh: &TetMesh, config: &FemConfig) -> Result<Self, FemError> {
+        Self::on_pattern(mesh, config, None)
+    }
+
+    /// Over a pattern that holds all blocks of the body, where there is one; nodes without elements are then held.
+    pub(super) fn on_pattern(
+        mesh: &TetMesh,
+        config: &FemConfig,
+        pattern: Option<&Arc<BlockPattern>>,
+    ) -> Result<Self, FemError> {
         check_topology(mesh)?;
         config.validate(mesh)?;
         let regions = config.regions(mesh);
@@ -38,16 +47,20 @@ impl FemModel {
         check_stiffness_ratio(order.iter().map(|&t| &regions[region_of(t as usize)].0.material))?;
 
         let densities: Vec<f64> = regions.iter().map(|r| r.1).collect();
-        let Elements { tetrahedra: elements, quadratic, mut mass } =
+        let Elements { tetrahedra: elements, quadratic, mut mass, loose } =
             Elements::new(mesh, &order, config.element, |t| densities[region_of(t as usize)])?;
+        if let (Some(&node), None) = (loose.first(), pattern) {
+            return Err(FemError::Unconnected { node });
+        }
         if let Some(total) = config.total_mass {
             mass.fill(total / mesh.nodes.len() as f64);
         }
 
-        let (free_of_node, node_of_free) = number_free_nodes(mesh.nodes.len(), &config.fixed);
+        let (number, node_of_free) = number_free_nodes(mesh.nodes.len(), &config.fixed);
         if node_of_free.is_empty() {
             return Err(FemError::AllFixed { nodes: mesh.nodes.len() });
         }
+        let (free_of_node, held) = hold(&number, node_of_free.len(), config.held.iter().chain(&loose));
         if config.fixed.is_empty() && mass.iter().all(|&m| m == 0.0) {
             return Err(FemError::Unsupported);
         }
@@ -60,7 +73,7 @@ impl FemModel {
         if config.element == ElementKind::Averaged {
             bulk_of_run = split_bulk(&mut tissues, &of_element, &runs)?;
             let made = Groups::new(config.grouping, &corners, &runs);
-            coupled = cliques(&made, &corners, &free_of_node);
+            coupled = cliques(&made, &corners, &number);
             groups = Some(made);
         }
         let size = packs_of_batch(config.element);
@@ -68,10 +81,12 @@ impl FemModel {
         let (packs, quadratic_packs) = pack(config.element, &elements, &quadratic, &mut batches);
         let (pattern, upper_blocks, pack_lists) = if config.element == ElementKind::Quadratic {
             let nodes: Vec<_> = quadratic_packs.iter().map(|pack| (&pack.nodes, pack.len)).collect();
-            lists::<10, 45>(&nodes, &batches, size, &coupled, &free_of_node, free)
+            let pattern = pattern.map_or_else(|| coupling(&nodes, &coupled, &number, free), Arc::clone);
+            lists::<10, 45>(&nodes, &batches, size, &free_of_node, pattern)
         } else {
             let nodes: Vec<_> = packs.iter().map(|pack| (&pack.nodes, pack.len)).collect();
-            lists::<4, 6>(&nodes, &batches, size, &coupled, &free_of_node, free)
+            let pattern = pattern.map_or_else(|| coupling(&nodes, &coupled, &number, free), Arc::clone);
+            lists::<4, 6>(&nodes, &batches, size, &free_of_node, pattern)
         };
         let averaging = groups.map(|groups| {
             let run_of = |e: u32| runs.partition_point(|run| run.end <= e as usize);
@@ -85,7 +100,9 @@ impl FemModel {
             memory += batch.elements.len() * points * batch.tissue.viscosity.len();
             batch.memory = first..memory;
         }
+        let total: f64 = mass.iter().sum();
         Ok(Self {
+            held_mass: if total > 0.0 { total / mass.len() as f64 } else { 1.0 },
             q_rest: mesh.nodes.clone(),
             kind: config.element,
             elements,
@@ -100,6 +117,7 @@ impl FemModel {
             mass,
             free_of_node,
             node_of_free,
+            held,
             pattern,
             upper_blocks,
             averaging,
@@ -164,23 +182,31 @@ fn pack(
     (packs, quadratic_packs)
 }
 
-/// Pattern over the free nodes with its upper blocks, and the lists that fill them from packs, given by the nodes of their
-/// elements and their number; `cliques` of free nodes are coupled as well.
+/// Pattern over the free nodes of packs, given by the nodes of their elements and their number; `cliques` of free nodes are
+/// coupled as well.
+fn coupling<const N: usize>(
+    packs: &[(&[[u32; N]; PACK], usize)],
+    cliques: &[Vec<u32>],
+    free_of_node: &[u32],
+    free_nodes: usize,
+) -> Arc<BlockPattern> {
+    let elements = packs.iter().flat_map(|(nodes, len)| &nodes[..*len]);
+    let free: Vec<[u32; N]> = elements.map(|e| e.map(|i| free_of_node[i as usize])).collect();
+    let coupled = free.iter().map(<[u32; N]>::as_slice).chain(cliques.iter().map(Vec::as_slice));
+    Arc::new(BlockPattern::from_cliques(free_nodes, coupled))
+}
+
+/// The upper blocks of a pattern, and the lists that fill them from packs.
 fn lists<const N: usize, const B: usize>(
     packs: &[(&[[u32; N]; PACK], usize)],
     batches: &[Batch],
     size: usize,
-    cliques: &[Vec<u32>],
     free_of_node: &[u32],
-    free_nodes: usize,
+    pattern: Arc<BlockPattern>,
 ) -> (Arc<BlockPattern>, UpperBlocks, PackLists) {
-    let elements = packs.iter().flat_map(|(nodes, len)| &nodes[..*len]);
-    let free: Vec<[u32; N]> = elements.map(|e| e.map(|i| free_of_node[i as usize])).collect();
-    let coupled = free.iter().map(<[u32; N]>::as_slice).chain(cliques.iter().map(Vec::as_slice));
-    let pattern = BlockPattern::from_cliques(free_nodes, coupled);
     let upper = UpperBlocks::new(&pattern);
     let lists = PackLists::new::<N, B>(packs, batches, size, free_of_node, &pattern, &upper);
-    (Arc::new(pattern), upper, lists)
+    (pattern, upper, lists)
 }
 
 /// The tissues that differ, and the tissue of each region.
@@ -230,7 +256,7 @@ fn check_stiffness_ratio<'a>(materials: impl Iterator<Item = &'a Material>) -> R
     Ok(())
 }
 
-fn number_free_nodes(nodes: usize, fixed: &[u32]) -> (Vec<u32>, Vec<u32>) {
+pub(super) fn number_free_nodes(nodes: usize, fixed: &[u32]) -> (Vec<u32>, Vec<u32>) {
     let mut free_of_node = vec![0; nodes];
     for &i in fixed {
         free_of_node[i as usize] = FIXED;
@@ -241,6 +267,18 @@ fn number_free_nodes(nodes: usize, fixed: &[u32]) -> (Vec<u32>, Vec<u32>) {
         node_of_free.push(i as u32);
     }
     (free_of_node, node_of_free)
+}
+
+/// Free numbers without those of held nodes, and which free nodes are held.
+fn hold<'a>(number: &[u32], free: usize, nodes: impl Iterator<Item = &'a u32>) -> (Vec<u32>, Vec<bool>) {
+    let (mut free_of_node, mut held) = (number.to_vec(), vec![false; free]);
+    for &node in nodes {
+        if number[node as usize] != FIXED {
+            held[number[node as usize] as usize] = true;
+            free_of_node[node as usize] = FIXED;
+        }
+    }
+    (free_of_node, held)
 }
 
 /// Runs of one key, tissue and whether the elements are curved, cut into batches of at most `size`. The keys are grouped.

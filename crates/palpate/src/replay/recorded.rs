@@ -17,7 +17,7 @@ use crate::record::{DEVICE_RECORD, TickLine};
 use crate::refresh::FactorSample;
 use crate::run::{Observer, RunError};
 use crate::settle::settle;
-use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, step};
+use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
 use crate::tick::{TickReport, Ticker};
 use crate::world::World;
 
@@ -80,7 +80,9 @@ impl<'a> Steps<'a> {
         self.factors.drain(..in_use);
         let time = seconds(record.time_ns);
         let tool = pose(record.tool_position, record.tool_orientation);
-        let input = StepInput { time, tool, factor: self.factors.first()? };
+        let factor = self.factors.first_mut()?;
+        pass_events(self.world, time, factor, &mut self.state, &mut self.ws);
+        let input = StepInput { time, tool, factor };
         let report = step(self.world, &input, &mut self.state, &mut self.ws, self.snapshots.value_mut());
         self.snapshots.publish();
         let made = |factor: &&palpate_trace::FactorRecord| {

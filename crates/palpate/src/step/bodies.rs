@@ -21,7 +21,7 @@ use palpate_constraints::warm_start::WarmStart;
 use palpate_rigid::{FreeMotion, RigidState, advance, free_motion};
 
 use super::{StepReport, StepState, StepWorkspace};
-use crate::world::{Far, Near, Pair, World};
+use crate::world::{Change, Far, Near, Pair, World};
 
 /// What the step remembers of a pair of bodies.
 pub(super) struct PairState {
@@ -43,6 +43,13 @@ impl PairState {
             Near::Rigid(_) => PairContacts::Solids(Vec::with_capacity(most)),
         };
         Self { contacts, warm_start: WarmStart::with_capacity(most) }
+    }
+
+    /// Renumbers the skin's features where an event has changed it.
+    pub(super) fn renumber(&mut self, change: &Change) {
+        if matches!(self.contacts, PairContacts::Tissue(_)) {
+            self.warm_start.renumber(|feature| change.feature(feature));
+        }
     }
 
     pub(super) fn forget(&mut self) {

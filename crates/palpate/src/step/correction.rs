@@ -70,7 +70,12 @@ fn failed_element(world: &World, state: &StepState, known: Option<u32>) -> Optio
         corner.or_else(|| mesh.mid_nodes.iter().position(|t| t.contains(&node))).map(|t| t as u32)
     };
     let tetrahedron = known.filter(|&t| (t as usize) < mesh.tetrahedra.len()).or_else(astray)?;
-    Some(FailedElement { tetrahedron, region: mesh.regions.get(tetrahedron as usize).copied().unwrap_or(0) })
+    let tetrahedron_of_scene =
+        world.left().map_or(Some(tetrahedron), |left| left.get(tetrahedron as usize).copied())?;
+    Some(FailedElement {
+        tetrahedron: tetrahedron_of_scene,
+        region: mesh.regions.get(tetrahedron as usize).copied().unwrap_or(0),
+    })
 }
 
 /// `v+ = v_free + h A⁻¹ Hᵀ lambda`, `q+ = q + h v+`, with the inverse that gave `W`; back to the state before where a
@@ -100,7 +105,8 @@ pub(super) fn correct(
     if explicit {
         advance_memory(world.model(), &mut state.fem, h);
     }
-    for (k, &node) in world.model().node_of_free().iter().enumerate() {
+    let held = world.model().held();
+    for (k, &node) in world.model().node_of_free().iter().enumerate().filter(|(k, _)| !held[*k]) {
         let mut v = Vector3::new(ws.v_free[3 * k], ws.v_free[3 * k + 1], ws.v_free[3 * k + 2]);
         if touched {
             v += Vector3::new(ws.correction[3 * k], ws.correction[3 * k + 1], ws.correction[3 * k + 2]);

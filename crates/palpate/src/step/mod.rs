@@ -22,6 +22,7 @@
 
 mod accuracy;
 mod bodies;
+mod change;
 mod correction;
 mod direct;
 mod guard;
@@ -44,10 +45,13 @@ use palpate_haptics::snapshot::HapticSnapshot;
 use self::guard::{guard, open_folds};
 use self::newton::newton_with_contact;
 use crate::refresh::FactorSample;
+use crate::scene::Refactor;
 use crate::world::{Integration, World};
 
 pub use bodies::{BodiesReport, PairForce};
 pub(crate) use bodies::{digest, placements};
+pub(crate) use change::pass_next_event;
+pub use change::{ChangeReport, FactorFit, pass_events};
 pub use report::{ComplianceError, FailedElement, StepReport, StepStatus, StepTimes};
 pub use workspace::{StepState, StepWorkspace};
 
@@ -62,7 +66,8 @@ pub struct StepInput<'a> {
     pub factor: &'a FactorSample,
 }
 
-/// Advances the body by one step and fills the snapshot for the tick.
+/// Advances the body by one step and fills the snapshot for the tick. Where the scene has events, [`pass_events`] comes
+/// first.
 ///
 /// Allocates nothing, whatever happens, unless contact is by Lagrange multipliers. A body that turns non-finite or is torn
 /// apart is put back to the state before the step, at rest, and the report and the snapshot say so.
@@ -73,7 +78,10 @@ pub fn step(
     ws: &mut StepWorkspace,
     snapshot: &mut HapticSnapshot,
 ) -> StepReport {
+    let world = world.phase(state.phase);
     let mut report = StepReport::begin(state.step, input, world.dt());
+    report.change = ws.change.report;
+    ws.change.report.changed = false;
     let mut clock = Clock::start();
     state.remember();
     match world.integration() {
@@ -88,6 +96,9 @@ pub fn step(
             contact(world, input, state, ws, &mut report, &mut clock);
             if ws.own_is_current {
                 report.factor_age = 0.0;
+                if world.plan().refactor == Refactor::Step {
+                    report.change.factor = FactorFit::Own;
+                }
             }
         }
         Integration::Newton(config) => {

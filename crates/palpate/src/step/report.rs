@@ -10,6 +10,7 @@ use palpate_solver::report::SolveReport;
 
 use super::StepInput;
 use super::bodies::BodiesReport;
+use super::change::ChangeReport;
 use super::stages::NOT_SOLVED;
 
 /// How a step ended.
@@ -108,6 +109,8 @@ pub struct StepReport {
     /// Where the body was rolled back: the element whose force or stiffness is not finite, or else one at the node that
     /// went farthest astray.
     pub failed: Option<FailedElement>,
+    /// What events did to the body.
+    pub change: ChangeReport,
     /// Pose of the tool that it used.
     pub tool: Isometry3<f64>,
     /// Assembly of forces and matrix; the worst of the forces of all explicit substeps.
@@ -177,6 +180,7 @@ impl StepReport {
             time: input.time,
             status: StepStatus::Advanced,
             failed: None,
+            change: ChangeReport::default(),
             tool: input.tool,
             assembly: AssemblyReport::NONE,
             free_motion: PcgReport { status: PcgStatus::Converged, iterations: 0, relative_residual: 0.0 },
@@ -209,7 +213,7 @@ impl StepReport {
     }
 
     /// Names and units of [`StepReport::row`].
-    pub const COLUMNS: [&'static str; 33] = [
+    pub const COLUMNS: [&'static str; 34] = [
         "step",
         "time_s",
         "tool_x_m",
@@ -242,11 +246,12 @@ impl StepReport {
         "correction_iterations",
         "overlap_m",
         "rolled_back",
+        "phase",
         "work_s",
     ];
 
     /// The report as one row of a table.
-    pub fn row(&self) -> [f64; 33] {
+    pub fn row(&self) -> [f64; 34] {
         let p = self.tool.translation.vector;
         let r = self.tool.rotation;
         [
@@ -282,6 +287,7 @@ impl StepReport {
             f64::from(self.error.correction_iterations),
             self.error.overlap,
             f64::from(u8::from(self.status == StepStatus::RolledBack)),
+            f64::from(self.change.phase),
             self.times.total,
         ]
     }

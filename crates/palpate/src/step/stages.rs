@@ -18,7 +18,7 @@ use super::bodies;
 use super::direct::direct_contact;
 use super::preconditioner::StepPreconditioner;
 use super::workspace::NewtonStage;
-use super::{StepInput, StepReport, StepState, StepWorkspace};
+use super::{FactorFit, StepInput, StepReport, StepState, StepWorkspace};
 use crate::refresh::FactorSample;
 use crate::scene::Refactor;
 use crate::world::{Integration, World};
@@ -60,6 +60,10 @@ pub(super) fn free_motion(
     for (dv, &node) in ws.v_free.chunks_exact_mut(3).zip(world.model().node_of_free()) {
         let v = &state.fem.v[node as usize];
         (0..3).for_each(|c| dv[c] += v[c]);
+    }
+    // A preconditioner that knows nothing of what is held lets it move by the tolerance.
+    for (v, _) in ws.v_free.chunks_exact_mut(3).zip(world.model().held()).filter(|(_, held)| **held) {
+        v.fill(0.0);
     }
 }
 
@@ -152,7 +156,8 @@ pub(super) fn compliance(
         return;
     }
     let plan = world.plan();
-    let exact = plan.compliance == ComplianceMethod::Exact && !plan.constant || exact_steps > 0;
+    let outdated = report.change.factor == FactorFit::Outdated;
+    let exact = plan.compliance == ComplianceMethod::Exact && !plan.constant || exact_steps > 0 || outdated;
     // What was refused before the free motion would be refused again.
     if exact && !ws.own_is_current && !report.refused && *world.integration() == Integration::BackwardEuler {
         refactor(ws, report);
@@ -160,6 +165,11 @@ pub(super) fn compliance(
     if let Some(newton) = &mut ws.newton {
         newton.factored = factor_end(world.model(), ws.dt, &newton.free, &mut newton.ws);
         report.refused = !newton.factored;
+    }
+    // The inverse of another body is none.
+    if outdated && !ws.own_is_current {
+        report.compliance.usable = false;
+        return;
     }
     let w = ws.problem.compliance_mut();
     let correction = &mut ws.correction;

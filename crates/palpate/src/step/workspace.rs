@@ -22,9 +22,11 @@ use palpate_solver::solver::{Solver, SolverWorkspace};
 use std::sync::Arc;
 
 use super::bodies::{self, PairForce, PairState, RigidStage};
+use super::change::ChangeStage;
 use super::direct::DirectStage;
 use super::refinement::RefinementWorkspace;
 use crate::problem_files::ProblemFiles;
+use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
 
 /// Rows of a contact with friction.
@@ -49,8 +51,12 @@ pub struct StepState {
     /// What is remembered of each pair of bodies besides tissue and tool.
     pub(super) pairs: Vec<PairState>,
     /// The state before the last step, to which a failed step returns.
-    before: FemState,
+    pub(super) before: FemState,
     rigid_before: Vec<RigidState>,
+    /// Events so far.
+    pub(super) phase: usize,
+    /// For each phase the step at which it began.
+    pub(super) began: Vec<u64>,
     /// Where the body was when the run began: indentation is measured from here (m).
     pub(super) rest: Vec<Vector3<f64>>,
 }
@@ -69,6 +75,8 @@ impl StepState {
             rigid_before: world.bodies().rigid.iter().map(|body| body.start).collect(),
             pairs: world.bodies().pairs.iter().map(PairState::new).collect(),
             before: rest.clone(),
+            phase: 0,
+            began: vec![0; world.changes().len() + 1],
             rest: rest.q.clone(),
             fem: rest,
         }
@@ -82,6 +90,21 @@ impl StepState {
     /// Where the body was when the run began (m).
     pub fn rest(&self) -> &[Vector3<f64>] {
         &self.rest
+    }
+
+    /// Events so far: the body is that of [`World::phase`] of this number.
+    pub fn phase(&self) -> usize {
+        self.phase
+    }
+
+    /// The phase whose matrix a factor is of. The first factor is made before the first event, even one at time 0.
+    pub(super) fn phase_of(&self, factor: &FactorSample) -> usize {
+        let since = |phase: &usize| self.began.get(*phase).is_some_and(|began| *began <= factor.step);
+        match factor.renewed {
+            0 if factor.epoch == 0 => 0,
+            0 => (0..=self.phase).rev().find(since).unwrap_or(0),
+            renewed => renewed,
+        }
     }
 
     pub(super) fn remember(&mut self) {
@@ -200,6 +223,8 @@ pub struct StepWorkspace {
     pub(super) rescue: Option<ImplicitWorkspace>,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
+    /// Passing from one body to the next.
+    pub(super) change: ChangeStage,
     /// Where the problems go that are solved, if they are kept.
     pub(crate) problem_files: Option<ProblemFiles>,
 }
@@ -286,6 +311,7 @@ impl StepWorkspace {
             rescue: super::guard::rescue(world),
             refinement: RefinementWorkspace::new(rows, 3 * free),
             size: world.mesh().bounding_box().diagonal(),
+            change: ChangeStage::new(world),
             problem_files: None,
         }
     }

@@ -1,11 +1,14 @@
 //! A scene made ready: mesh, body, symbolic factorisation, tool. Nothing in it changes while a run lasts.
 
 mod bodies;
+mod change;
+mod course;
 mod elements;
 mod fixed;
 mod geometry;
 mod integration;
 mod plan;
+mod selection;
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -19,14 +22,17 @@ use palpate_collision::solid::Solid;
 use palpate_fem::factor::SymbolicFactor;
 use palpate_fem::mesh::{MeshQuality, TetMesh};
 use palpate_fem::model::{FemConfig, FemError, FemModel};
+use palpate_fem::sparse::FIXED;
 use palpate_fem::surface::Surface;
 
 use crate::scene::{ContactMethod, Scene, SceneDescription, SceneError};
+use course::{Stretch, course};
 use elements::{locking, with_nodes_for};
 use fixed::fixed_nodes;
 use geometry::{Loaded, load};
 
 pub use bodies::{Bodies, Far, FixedBody, Near, Pair, RigidBody};
+pub use change::Change;
 pub use geometry::{is_surface, make};
 pub use integration::{EXPLICIT_SAFETY, Integration};
 pub use plan::Plan;
@@ -35,6 +41,7 @@ pub use plan::Plan;
 const MOST_CONTACTS: usize = 1000;
 
 /// A scene made ready to run.
+#[derive(Clone)]
 pub struct World {
     scene: Scene,
     mesh: TetMesh,
@@ -49,6 +56,9 @@ pub struct World {
     integration: Integration,
     plan: Plan,
     warnings: Vec<String>,
+    changes: Vec<Change>,
+    /// After an event: the elements that are left of the scene's mesh.
+    left: Option<Vec<u32>>,
 }
 
 impl World {
@@ -141,6 +151,22 @@ impl World {
         &self.plan
     }
 
+    /// The body after each event, in the order of their times.
+    pub fn changes(&self) -> &[Change] {
+        &self.changes
+    }
+
+    /// The world after the first `phase` events: this one after none, the last one beyond.
+    pub fn phase(&self, phase: usize) -> &World {
+        let after = phase.min(self.changes.len()).checked_sub(1);
+        after.and_then(|last| self.changes.get(last)).map_or(self, Change::world)
+    }
+
+    /// After an event: for each element its number in the scene's mesh. `None` for the whole body.
+    pub fn left(&self) -> Option<&[u32]> {
+        self.left.as_deref()
+    }
+
     /// What is odd but no mistake.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
@@ -158,7 +184,7 @@ impl World {
         let body = &d.bodies[0];
         let q = &self.quality;
         let mut text = String::new();
-        let fixed = self.mesh.nodes.len() - self.model.free_nodes();
+        let fixed = self.model.free_of_node().iter().filter(|&&free| free == FIXED).count();
         // Writing to a string cannot fail.
         let _ = writeln!(text, "scene {}: {}", d.name, d.description);
         let _ = writeln!(
@@ -206,6 +232,9 @@ impl World {
             c.max_contacts,
             c.law_in_words()
         );
+        for change in &self.changes {
+            let _ = writeln!(text, "event at {} s: {}", change.time(), change.text());
+        }
         let _ = writeln!(text, "solver: {}", one_line(&d.solver));
         let _ = writeln!(text, "integrator: {}", self.integration);
         let _ = writeln!(
@@ -281,6 +310,12 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     warnings.dedup();
     let surface = mesh.surface();
     let fixed = fixed_nodes(scene, &mesh)?;
+    let course = course(scene, &mesh, &fixed)?;
+    // What an event releases keeps its rows from the start.
+    let mut released = vec![false; fixed.len()];
+    for (node, released) in released.iter_mut().enumerate() {
+        *released = course.iter().any(|stretch| !stretch.held[node]);
+    }
     for name in body.regions.keys() {
         if !mesh.region_names.contains(name) {
             let known = mesh.region_names.join(", ");
@@ -300,14 +335,15 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         rayleigh_mass: body.rayleigh_mass,
         rayleigh_stiffness: body.rayleigh_stiffness,
         gravity: Vector3::from(description.gravity),
-        fixed,
+        fixed: nodes_where(&fixed, &released, false),
+        held: nodes_where(&fixed, &released, true),
         filter: body.definiteness_filter,
         ..FemConfig::default()
     };
     warnings.extend(body.keys_without_effect().map(|key| {
         format!("`{key}` of body {} has no effect: only integrator = \"backward_euler\" reads it; remove it", body.name)
     }));
-    if config.fixed.is_empty() && description.fixed_bodies.is_empty() {
+    if !fixed.contains(&true) && description.fixed_bodies.is_empty() {
         warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
     }
     let model = FemModel::new(&mesh, &config).map_err(|e| match e {
@@ -352,9 +388,37 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         integration,
         plan,
         warnings,
+        changes: Vec::new(),
+        left: None,
     };
     tool_outside(&world)?;
     bodies::apart(&world)?;
+    with_changes(world, &config, course)
+}
+
+/// The nodes that are fixed and that an event releases, or does not.
+fn nodes_where(fixed: &[bool], released: &[bool], value: bool) -> Vec<u32> {
+    let nodes = fixed.iter().zip(released).enumerate();
+    nodes.filter(|(_, (fixed, released))| **fixed && **released == value).map(|(node, _)| node as u32).collect()
+}
+
+/// The world with the bodies that its events leave, and room in its factors to pass from one to the next.
+fn with_changes(mut world: World, config: &FemConfig, course: Vec<Stretch>) -> Result<World, SceneError> {
+    if course.is_empty() {
+        return Ok(world);
+    }
+    let seconds = world.description().seconds;
+    let late = course.iter().filter(|stretch| stretch.time >= seconds);
+    let late: Vec<_> =
+        late.map(|s| format!("the event at {} s is after the end of the run, {seconds} s", s.time)).collect();
+    world.warnings.extend(late);
+    let later = change::bodies(&world, config, course)?;
+    let room = change::most_touched(&world.model, &later).min(world.plan.room_for_changes(world.dt()));
+    // Nothing else has the symbolic factor yet.
+    if let Some(symbolic) = Arc::get_mut(&mut world.symbolic) {
+        symbolic.make_room_for_changes(room);
+    }
+    world.changes = change::changes(&world, later)?;
     Ok(world)
 }
 

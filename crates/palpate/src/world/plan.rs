@@ -23,6 +23,10 @@ const SOLVE_RATE: f64 = 3e9;
 /// Share of a step that a factorisation may take to be done in it.
 const FACTOR_SHARE: f64 = 0.4;
 
+/// Time that a factor takes to follow a change of one node, in solves: three columns, in blocks that share the way through
+/// the factor.
+const SOLVES_OF_NODE: f64 = 1.0;
+
 /// Fewest iterations in which a column of the compliance is worth being compared: fewer seldom converge.
 const FEWEST_SAMPLE_ITERATIONS: usize = 6;
 
@@ -78,6 +82,15 @@ impl Plan {
             solve,
             reason,
         }
+    }
+
+    /// Most nodes that an event may touch for a factor to follow it by an update: one that takes no longer than a step, or
+    /// than the factorisation that would do in its place.
+    pub(super) fn room_for_changes(&self, dt: f64) -> usize {
+        if self.refactor == Refactor::Step {
+            return 0;
+        }
+        (dt.max(self.factorization) / (SOLVES_OF_NODE * self.solve)) as usize
     }
 
     /// Longest factorisation (s) that the automatic choice puts into every step of `dt` (s).

@@ -21,6 +21,11 @@ flags! {
         6 => NO_COMPLIANCE;
         /// The contact forces of Newton's method still changed when its passes were used up.
         7 => UNSETTLED;
+        /// An event changed the body before this step.
+        8 => CHANGED;
+        /// The factor was of a body before an event and could not follow it: the step went on without contact unless its
+        /// own matrix was factored.
+        9 => FACTOR_OUTDATED;
     }
 }
 
@@ -95,5 +100,7 @@ record! {
         32 => cuts: u32, "";
         /// Contact solvers that were tried: above 1 where the first did not do, 0 without contact.
         33 => solver_attempts: u32, "";
+        /// Events that had changed the body before this step.
+        34 => phase: u32, "";
     }
 }

@@ -33,24 +33,29 @@ pub(super) fn check(body: &BodyDescription, source: &Source<'_>) -> Checked {
     integrator(body, source)?;
     compliance(body, source)?;
     for (k, selection) in body.fixed.iter().enumerate() {
-        let path = format!("body.0.fixed.{k}");
-        match selection {
-            NodeSelection::Below(plane) | NodeSelection::Above(plane) => finite(source, &path, &[plane.at])?,
-            NodeSelection::Box { min, max } => {
-                finite(source, &path, min)?;
-                finite(source, &path, max)?;
-                if (0..3).any(|c| min[c] > max[c]) {
-                    return Err(source.at(&path, "the box is empty: min exceeds max", "swap the corners"));
-                }
-            }
-            NodeSelection::Ball { center, radius } => {
-                finite(source, &path, center)?;
-                positive(source, &path, *radius, "m")?;
-            }
-            NodeSelection::NodeSet(_) | NodeSelection::Region(_) => {}
-        }
+        self::selection(source, &format!("body.0.fixed.{k}"), selection)?;
     }
     Ok(())
+}
+
+/// The numbers of a selection.
+pub(super) fn selection(source: &Source<'_>, path: &str, selection: &NodeSelection) -> Checked {
+    match selection {
+        NodeSelection::Below(plane) | NodeSelection::Above(plane) => finite(source, path, &[plane.at]),
+        NodeSelection::Box { min, max } => {
+            finite(source, path, min)?;
+            finite(source, path, max)?;
+            if (0..3).any(|c| min[c] > max[c]) {
+                return Err(source.at(path, "the box is empty: min exceeds max", "swap the corners"));
+            }
+            Ok(())
+        }
+        NodeSelection::Ball { center, radius } => {
+            finite(source, path, center)?;
+            positive(source, &format!("{path}.ball.radius"), *radius, "m")
+        }
+        NodeSelection::NodeSet(_) | NodeSelection::Region(_) => Ok(()),
+    }
 }
 
 /// The settings of the integrator that is used, and of no other.

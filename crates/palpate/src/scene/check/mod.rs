@@ -3,6 +3,7 @@
 mod body;
 mod contact;
 mod device;
+mod event;
 mod number;
 mod solid;
 
@@ -45,6 +46,7 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     }
     solid::check(scene, source)?;
     contact::check(scene, source)?;
+    event::check(scene, source)?;
     device::check(scene, source)
 }
 

@@ -16,6 +16,17 @@ pub enum IntegratorKind {
     Explicit,
 }
 
+impl IntegratorKind {
+    /// Name in scenes and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::BackwardEuler => "backward_euler",
+            Self::Newton => "newton",
+            Self::Explicit => "explicit",
+        }
+    }
+}
+
 /// When the system matrix is factored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

@@ -3,6 +3,7 @@
 mod body;
 mod contact;
 mod device;
+mod event;
 mod integrator;
 mod selection;
 mod solid;
@@ -17,6 +18,7 @@ use serde::{Deserialize, Serialize};
 pub use body::{BlockDescription, BodyDescription};
 pub use contact::{ContactDescription, ContactLawKind, ContactMethod};
 pub use device::{DeviceDescription, HandDescription};
+pub use event::EventDescription;
 pub use integrator::{ExplicitDescription, IntegratorKind, NewtonDescription, Refactor};
 pub use selection::{Axis, NodeSelection, Plane};
 pub use solid::{FixedBodyDescription, RigidBodyDescription, SolidShape};
@@ -52,6 +54,9 @@ pub struct SceneDescription {
     /// Bodies with six degrees of freedom.
     #[serde(rename = "rigid_body", default, skip_serializing_if = "Vec::is_empty")]
     pub rigid_bodies: Vec<RigidBodyDescription>,
+    /// Changes of the soft body while it runs.
+    #[serde(rename = "event", default, skip_serializing_if = "Vec::is_empty")]
+    pub events: Vec<EventDescription>,
     /// The tools; this version simulates exactly one.
     #[serde(rename = "tool")]
     pub tools: Vec<ToolDescription>,

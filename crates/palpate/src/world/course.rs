@@ -1,0 +1,75 @@
+//! What the events of a scene leave of the body, and what they hold, in the order of their times.
+
+use palpate_fem::mesh::TetMesh;
+
+use super::selection::{elements_in, nodes_in};
+use crate::scene::{Scene, SceneError};
+
+/// The body between two events.
+#[derive(Clone, Debug)]
+pub(super) struct Stretch {
+    /// Place of the event in the scene, and its time (s).
+    pub(super) event: usize,
+    pub(super) time: f64,
+    /// Whether each node stays where it is.
+    pub(super) held: Vec<bool>,
+    /// Tetrahedra of the whole body that are left, ascending.
+    pub(super) left: Vec<u32>,
+    /// What the event did, in words.
+    pub(super) text: String,
+}
+
+/// What the events do, in the order of their times, to a body whose `fixed` nodes are held at first.
+pub(super) fn course(scene: &Scene, mesh: &TetMesh, fixed: &[bool]) -> Result<Vec<Stretch>, SceneError> {
+    let events = &scene.description().events;
+    let mut order: Vec<usize> = (0..events.len()).collect();
+    order.sort_by(|&a, &b| events[a].time.total_cmp(&events[b].time));
+    let mut held = fixed.to_vec();
+    let mut gone = vec![false; mesh.tetrahedra.len()];
+    let mut stretches = Vec::with_capacity(order.len());
+    for event in order {
+        let mut done = Vec::new();
+        for (key, selection, hold) in [("release", &events[event].release, false), ("hold", &events[event].hold, true)]
+        {
+            let Some(selection) = selection else { continue };
+            let place = format!("event.{event}.{key}");
+            let count = set(&mut held, &nodes_in(scene, &place, selection, mesh)?, hold);
+            let (message, remedy) = if hold {
+                ("every node of this selection is held already", "hold others, or release them before")
+            } else {
+                ("no node of this selection is held at that time", "release nodes that are fixed or held")
+            };
+            if count == 0 {
+                return Err(scene.at(&place, message, remedy));
+            }
+            done.push(format!("{count} nodes {}", if hold { "held" } else { "released" }));
+        }
+        if let Some(selection) = &events[event].remove {
+            let place = format!("event.{event}.remove");
+            let elements = elements_in(scene, &place, selection, mesh)?;
+            let count = set(&mut gone, &elements, true);
+            if count == 0 {
+                let message = "all elements of this selection are gone by then";
+                return Err(scene.at(&place, message, "remove others, or leave this out"));
+            }
+            if gone.iter().all(|&gone| gone) {
+                return Err(scene.at(&place, "this removes the last element of the body", "leave some"));
+            }
+            done.push(format!("{count} elements removed"));
+        }
+        let left: Vec<u32> = (0..gone.len()).filter(|&t| !gone[t]).map(|t| t as u32).collect();
+        let moves = |t: &u32| mesh.tetrahedra[*t as usize].iter().any(|&n| !held[n as usize]);
+        if !left.iter().any(moves) {
+            let message = "every node is held from then on: nothing can move";
+            return Err(scene.at(&format!("event.{event}"), message, "hold fewer nodes"));
+        }
+        let time = events[event].time;
+        stretches.push(Stretch { event, time, held: held.clone(), left, text: done.join(", ") });
+    }
+    Ok(stretches)
+}
+
+/// Sets the items to `value`; how many were not so before.
+fn set(all: &mut [bool], items: &[u32], value: bool) -> usize {
+    items.iter().filter(|&&item| std::mem::replace(&mut all[item as usize], value) != value).count()
+}
