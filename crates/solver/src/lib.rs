@@ -6,6 +6,7 @@
 //! [`residual`]. A solver is one file and one line in [`solver`].
 
 pub mod accelerated_gradient;
+mod active_block;
 mod active_system;
 pub mod automatic;
 pub mod comparison;
@@ -28,5 +29,6 @@ pub mod report;
 pub mod residual;
 mod single;
 pub mod solver;
+mod tableau;
 mod vectors;
 pub mod watch;
