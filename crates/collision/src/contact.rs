@@ -2,6 +2,8 @@
 
 use nalgebra::Vector3;
 
+use crate::held::HeldPoint;
+
 /// A potential contact: a material point of the tissue, the direction in which the tool pushes it, and their gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
@@ -33,6 +35,8 @@ pub struct ContactSet {
     pub contacts: Vec<Contact>,
     /// Outward normal of the skin through which the tool came; `None` before the first detection.
     pub side: Option<Vector3<f64>>,
+    /// Points that carried a force in the step before ([`hold`](Self::hold)).
+    pub held: Vec<HeldPoint>,
 }
 
 impl ContactSet {
@@ -40,12 +44,13 @@ impl ContactSet {
     ///
     /// [`DetectionConfig::max_contacts`]: crate::detection::DetectionConfig::max_contacts
     pub fn with_capacity(capacity: usize) -> Self {
-        Self { contacts: Vec::with_capacity(capacity), side: None }
+        Self { contacts: Vec::with_capacity(capacity), side: None, held: Vec::with_capacity(capacity) }
     }
 
-    /// Forgets the contacts and the side from which the tool came; keeps the memory.
+    /// Forgets the contacts, the held points and the side from which the tool came; keeps the memory.
     pub fn clear(&mut self) {
         self.contacts.clear();
+        self.held.clear();
         self.side = None;
     }
 }

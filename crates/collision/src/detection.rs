@@ -2,7 +2,7 @@
 //!
 //! A box around the tool, widened by the margin and the reach, selects triangles; their nodes ([`ContactKind::Nodes`])
 //! or their deepest points ([`ContactKind::Faces`]) become features with a gap and a normal ([`narrow_phase`](crate::narrow_phase)); features
-//! on the wrong side are rejected; what is left is sorted by depth, near-duplicates are merged, and the deepest are kept.
+//! on the wrong side are rejected; points that carried a force stay ([`held`](crate::held)); what is left is sorted by depth, near-duplicates are merged, and the deepest are kept.
 //!
 //! **Sides.** The far skin of a thin organ and the near skin that a tool has passed look alike: the distance to both
 //! points out of the body. Detection therefore remembers the outward normal `u` of the skin through which the tool came
@@ -22,6 +22,7 @@ use thiserror::Error;
 use crate::broad_phase::{SurfaceGeometry, is_usable};
 use crate::contact::{Contact, ContactSet};
 use crate::features::{Collector, Feature, Meeting, by_depth};
+use crate::held::stand_in;
 use crate::narrow_phase::HullInWorld;
 use crate::shape::ToolShape;
 use crate::tree::Aabb;
@@ -48,7 +49,8 @@ pub struct DetectionConfig {
     pub margin: f64,
     /// How far the whole tool may lie below the skin and still be pushed out (default 10 mm).
     pub reach: f64,
-    /// Contacts closer together than this \[m\] merge into the deepest (default 0: identical points only).
+    /// Contacts closer together than this \[m\] merge into the deepest (default 0: identical points only). Points that
+    /// carried a force in the step before do not take part: they stay beside a deeper one.
     pub merge_distance: f64,
     /// Contacts whose normals differ by more than this \[rad\] never merge (default 0.2).
     pub merge_angle: f64,
@@ -113,7 +115,7 @@ pub struct DetectionReport {
     pub contacts: usize,
     /// Features within the margin that were rejected because they face away from the side the tool came from.
     pub wrong_side: usize,
-    /// Duplicates and near-duplicates that gave way to a deeper contact.
+    /// Duplicates and near-duplicates that gave way to a deeper contact or to a held one.
     pub merged: usize,
     /// Contacts within the margin that the capacity had no room for; shallower than all that were kept.
     pub dropped: usize,
@@ -144,6 +146,7 @@ impl DetectionReport {
 #[derive(Clone, Debug)]
 pub struct DetectionWorkspace {
     pub(crate) features: Vec<Feature>,
+    held: Vec<Contact>,
     nodes: Visited,
     edges: Visited,
     hull: HullInWorld,
@@ -156,6 +159,7 @@ impl DetectionWorkspace {
     pub fn new(surface: &SurfaceGeometry) -> Self {
         Self {
             features: Vec::with_capacity(4 * surface.triangles().len() + 1024),
+            held: Vec::new(),
             nodes: Visited::new(surface.body_nodes()),
             edges: Visited::new(surface.edges().len()),
             hull: HullInWorld::default(),
@@ -198,7 +202,7 @@ impl Visited {
 /// Finds the contacts between a refitted surface and a tool at a pose.
 ///
 /// `positions` are the body's nodes \[m\] that the surface was refitted to. `out` enters with what the step before left
-/// (for the side from which the tool came) and leaves with the new contacts, ascending by feature. Non-finite numbers
+/// (the side from which the tool came, and held points) and leaves with the new contacts, ascending by feature. Non-finite numbers
 /// give no contact and are counted.
 pub fn detect(
     surface: &SurfaceGeometry,
@@ -227,10 +231,16 @@ pub fn detect(
     let (low, high) = tool.bounding_box(pose);
     let range = config.margin.max(config.reach);
     let bounds = Aabb { low: low - Vector3::repeat(range), high: high + Vector3::repeat(range) };
-    let mut found = Collector { features: &mut ws.features, margin: config.margin, candidates: 0, dropped: 0 };
+    let mut found =
+        Collector { features: &mut ws.features, margin: config.margin, candidates: 0, dropped: 0, holding: false };
     let (nodes, edges) = (&mut ws.nodes, &mut ws.edges);
     match (config.kind, tool.axis(pose), tool.hull()) {
-        (ContactKind::Faces, Some(axis), _) => surface.query(&bounds, |t| meeting.face(t, &axis, &mut found)),
+        (ContactKind::Faces, Some(axis), _) => {
+            found.holding = true;
+            out.held.iter().for_each(|point| meeting.held(point, &mut found));
+            found.holding = false;
+            surface.query(&bounds, |t| meeting.face(t, &axis, &mut found));
+        }
         (ContactKind::Faces, None, Some(hull)) => {
             ws.hull.place(hull, pose);
             surface.query(&bounds, |t| {
@@ -249,7 +259,9 @@ pub fn detect(
     report.dropped = found.dropped;
 
     reject_wrong_side(&meeting, &mut ws.features, &came, out.side, &mut report);
-    keep_deepest(&mut ws.features, config, &mut out.contacts, &mut report);
+    ws.held.reserve(config.max_contacts);
+    report.merged = stand_in(&mut ws.features, &mut ws.held, tool.inner_radius());
+    keep_deepest(&mut ws.features, &ws.held, config, &mut out.contacts, &mut report);
     report
 }
 
@@ -310,9 +322,10 @@ fn reject_wrong_side(
     report.wrong_side = before - features.len();
 }
 
-/// Merges near-duplicates into the deepest of them and keeps the deepest contacts, ascending by feature.
+/// Merges near-duplicates into the deepest of them, held points apart, and keeps the deepest contacts, ascending by feature.
 pub(crate) fn keep_deepest(
     features: &mut Vec<Feature>,
+    held: &[Contact],
     config: &DetectionConfig,
     contacts: &mut Vec<Contact>,
     report: &mut DetectionReport,
@@ -321,7 +334,7 @@ pub(crate) fn keep_deepest(
     features.sort_unstable_by(|a, b| a.contact.feature.cmp(&b.contact.feature).then(by_depth(a, b)));
     let before = features.len();
     features.dedup_by_key(|f| f.contact.feature);
-    report.merged = before - features.len();
+    report.merged += before - features.len();
     features.sort_unstable_by(by_depth);
 
     let near = config.merge_distance * config.merge_distance;
@@ -334,9 +347,11 @@ pub(crate) fn keep_deepest(
         }
         let c = &feature.contact;
         let twin = |kept: &Contact| {
-            (kept.tissue_point - c.tissue_point).norm_squared() <= near && kept.normal.dot(&c.normal) >= aligned
+            (kept.tissue_point - c.tissue_point).norm_squared() <= near
+                && kept.normal.dot(&c.normal) >= aligned
+                && !held.iter().any(|h| h.feature == kept.feature)
         };
-        if contacts.iter().any(twin) {
+        if !feature.held && contacts.iter().any(twin) {
             report.merged += 1;
         } else {
             contacts.push(*c);

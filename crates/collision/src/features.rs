@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use crate::broad_phase::{SurfaceGeometry, is_usable};
 use crate::contact::{Contact, FeatureKind, feature_id};
+use crate::held::HeldPoint;
 use crate::hull::ConvexHull;
 use crate::narrow_phase::{HullInWorld, Touch, point_feature, samples, touch};
 use crate::shape::ToolShape;
@@ -18,6 +19,8 @@ pub(crate) struct Feature {
     pub(crate) side: f64,
     /// [`Touch::submerged`].
     pub(crate) submerged: bool,
+    /// It carried a force in the step before.
+    pub(crate) held: bool,
 }
 
 /// Deepest first; ties by feature, so that the order never depends on how features were found.
@@ -40,6 +43,8 @@ pub(crate) struct Collector<'a> {
     pub(crate) margin: f64,
     pub(crate) candidates: usize,
     pub(crate) dropped: usize,
+    /// What is offered now are held points.
+    pub(crate) holding: bool,
 }
 
 impl Collector<'_> {
@@ -58,7 +63,7 @@ impl Collector<'_> {
         contact.normal = touch.normal;
         contact.gap = touch.gap;
         contact.tool_point = contact.tissue_point - touch.normal * touch.gap;
-        self.features.push(Feature { contact, skin, side: touch.side, submerged: touch.submerged });
+        self.features.push(Feature { contact, skin, side: touch.side, submerged: touch.submerged, held: self.holding });
     }
 }
 
@@ -83,6 +88,20 @@ impl Meeting<'_> {
         if let Some(touch) = touch(self.tool, self.pose, &x, &skin) {
             let id = feature_id(FeatureKind::Vertex, node, 0);
             found.offer(at(id, [node; 3], [1.0, 0.0, 0.0], x), skin, touch);
+        }
+    }
+
+    /// A point that carried a force in the step before.
+    pub(crate) fn held(&self, point: &HeldPoint, found: &mut Collector) {
+        let (mut x, mut skin) = (Vector3::zeros(), Vector3::zeros());
+        for (&node, &weight) in point.nodes.iter().zip(&point.weights) {
+            let Some(q) = self.positions.get(node as usize).filter(|q| is_usable(q)) else { return };
+            x += q * weight;
+            skin += self.surface.vertex_normal(node) * weight;
+        }
+        let skin = skin.try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
+        if let Some(touch) = touch(self.tool, self.pose, &x, &skin) {
+            found.offer(at(point.feature, point.nodes, point.weights, x), skin, touch);
         }
     }
 

@@ -5,6 +5,7 @@ pub mod contact;
 pub mod convert;
 pub mod detection;
 mod features;
+pub mod held;
 pub mod hull;
 pub mod narrow_phase;
 pub mod shape;

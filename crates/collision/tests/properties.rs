@@ -77,7 +77,7 @@ proptest! {
             prop_assert!((x - c.tissue_point).norm() < 1e-12);
         }
         // The same again, with the history of the first call.
-        let mut again = ContactSet { contacts: Vec::new(), side: None };
+        let mut again = ContactSet::default();
         let repeated = detect(&surface, &positions, &tool, &pose, &config, &mut ws, &mut again);
         prop_assert_eq!((repeated, again), (report, set));
     }

@@ -260,6 +260,10 @@ pub(super) fn take_forces(state: &mut StepState, ws: &mut StepWorkspace, report:
     let lambda = &ws.lambda[..ws.rows.len()];
     state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rigid.skin_blocks, lambda);
 
+    let pushes = |first_row: u32| lambda.get(first_row as usize).is_some_and(|&force| force > 0.0);
+    let loaded = ws.rows.blocks.iter().take(ws.rigid.skin_blocks).filter(|block| pushes(block.first_row));
+    state.contacts.hold(loaded.map(|block| block.contact as usize));
+
     (report.active, report.indentation) = (0, 0.0);
     let wrench = ws.rows.wrench(lambda);
     (report.force, report.torque) = (wrench.force, wrench.torque);

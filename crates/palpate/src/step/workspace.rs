@@ -122,6 +122,7 @@ impl StepState {
         self.warm_start.clear();
         self.rigid.iter_mut().zip(&self.rigid_before).for_each(|(now, before)| *now = before.at_rest());
         self.pairs.iter_mut().for_each(PairState::forget);
+        self.contacts.held.clear();
     }
 }
 
