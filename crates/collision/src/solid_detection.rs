@@ -61,8 +61,14 @@ pub fn detect_solid(
             tool_point: near.point,
             gap: near.distance,
         };
-        ws.features.push(Feature { contact, skin: surface.vertex_normal(node), side: -1.0, submerged: false });
+        ws.features.push(Feature {
+            contact,
+            skin: surface.vertex_normal(node),
+            side: -1.0,
+            submerged: false,
+            held: false,
+        });
     }
-    keep_deepest(&mut ws.features, config, &mut out.contacts, &mut report);
+    keep_deepest(&mut ws.features, &[], config, &mut out.contacts, &mut report);
     report
 }
