@@ -177,11 +177,16 @@ fn main() {
         let slab = Slab::new();
         println!("the slab has {} free nodes", slab.nodes());
         let under = |tool| CONTACTS.map(|contacts| slab.problem(contacts, tool));
-        let (flat, round) = (under(Tool::Flat), under(Tool::Round));
+        let (flat, round, settled) = (under(Tool::Flat), under(Tool::Round), under(Tool::Settled));
         let mut summary = Vec::new();
-        for (name, set) in
-            [("pressed", &pressed), ("dragged", &dragged), ("slab, flat tool", &flat), ("slab, round tool", &round)]
-        {
+        let sets = [
+            ("pressed", &pressed),
+            ("dragged", &dragged),
+            ("slab, flat tool", &flat),
+            ("slab, round tool", &round),
+            ("slab, settled", &settled),
+        ];
+        for (name, set) in sets {
             for problem in set {
                 println!("{name}, {} contacts, {} carry force:", problem.blocks().len(), touching(problem));
                 summary.push((name, problem.blocks().len(), table(problem)));

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 use palpate::constraints::frame::ContactFrame;
 use palpate::constraints::law::{Coulomb, Law};
 use palpate::fem::assembly::{FemWorkspace, assemble};
@@ -48,6 +48,8 @@ pub(crate) enum Tool {
     Flat,
     /// A ball whose undeformed surface leaves the skin at the patch's rim.
     Round,
+    /// A tool that the skin has settled on: all faces carry a smooth pressure, and the tool goes on by a tenth.
+    Settled,
 }
 
 /// Numbers in `[0, 1)`, the same in every run (SplitMix64).
@@ -157,7 +159,7 @@ impl Slab {
         for (k, (face, weights, point)) in points.iter().enumerate() {
             let from_ball = from_axis(point) - Vector3::z() * (radius - DEPTH);
             let (normal, gap) = match tool {
-                Tool::Flat => (-Vector3::z(), -DEPTH),
+                Tool::Flat | Tool::Settled => (-Vector3::z(), -DEPTH),
                 Tool::Round => (from_ball.normalize(), from_ball.norm() - radius),
             };
             // The tool has moved along the skin: by as much, and the other way, the skin has slid on it.
@@ -173,6 +175,18 @@ impl Slab {
         let mut reach = ReachWorkspace::new(self.factor.symbolic(), rows.len());
         assert_eq!(self.factor.compliance_into(&rows, DT * DT, &mut w, &mut reach).status, ReachStatus::Ok);
         problem.compliance_mut().copy_from(&w);
+        if matches!(tool, Tool::Settled) {
+            // Hertz's pressure; without its forces the skin would spring back by up to the depth.
+            let pressure = DVector::from_fn(rows.len(), |r, _| match r % 3 {
+                0 => (1.0 - 0.99 * (from_axis(&points[r / 3].2).norm() / rim).powi(2)).sqrt(),
+                _ => 0.0,
+            });
+            let spring = &w * pressure;
+            let scale = DEPTH / spring.amax();
+            for (gap, spring) in problem.delta_free_mut().iter_mut().zip(spring.iter()) {
+                *gap = 0.1 * *gap - scale * spring;
+            }
+        }
         problem
     }
 }

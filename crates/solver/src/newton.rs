@@ -11,8 +11,8 @@
 //!
 //! Away from the end a step needs few digits [Dembo, Eisenstat and Steihaug 1982]: the system is solved by GMRES with a
 //! block Gauss-Seidel preconditioner on the columns of `W` in single precision (see `krylov`), to as much of the residual
-//! as the step can use. Where GMRES does not converge, and after a step that did not lower the residual, the system is
-//! factored in double precision, if the time that is left allows for it.
+//! as the step can use. Where GMRES does not converge, and for the last of several steps that did not lower the residual, the
+//! system is factored in double precision, if the time that is left allows for it.
 //!
 //! Rank-deficient `W` makes the system singular: `W_aa` is shifted by [`SHIFT`] of its mean diagonal. That is one step of
 //! Newton on the proximal-point problem around the current forces, which has the same solutions, and it picks forces of
@@ -188,8 +188,9 @@ fn advance(
     if phase.failures <= PATIENCE {
         // As many digits as are asked for, and no more than a step can use.
         let accuracy = (FORCING * tolerance / now).clamp(LEAST_FORCING, MOST_FORCING);
-        // Failures may be those of an inaccurate direction.
-        let direct = phase.failures > 0;
+        // Failures may be those of an inaccurate direction, but mostly are those of the active contacts: on a nearly
+        // singular `W` accurate directions are no better, and far dearer. So only the last attempt is accurate.
+        let direct = phase.failures == PATIENCE;
         let seconds = phase.deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()).as_secs_f64());
         let largest = seconds.map_or(usize::MAX, |left| (1.5 * left * FACTORISATION_RATE).cbrt() as usize);
         let way = Way { shift: SHIFT, iterative: (!direct).then_some(accuracy), largest_factor: largest };
