@@ -1,6 +1,7 @@
 //! Contact laws, constraint rows `H`, `delta_free` and the compliance `W = h² H A⁻¹ Hᵀ`.
 
 pub mod compliance;
+pub mod condensed;
 pub mod frame;
 pub mod law;
 pub mod lumped;

@@ -46,7 +46,7 @@ impl<'w> Engine<'w> {
         };
         let pose = world.first_pose();
         let (pose_writer, pose_reader) = latest(&pose);
-        let (snapshot_writer, snapshot_reader) = latest(&HapticSnapshot::new(world.detection().max_contacts));
+        let (snapshot_writer, snapshot_reader) = latest(&world.empty_snapshot());
         let device = crate::devices::device(world.description()).map_err(|e| RunError::Device(e.to_string()))?;
         let (step_line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, &mut notes)?;
         let ticker = Ticker::new(world, device, snapshot_reader, pose_writer, tick_line)?;

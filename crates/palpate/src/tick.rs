@@ -6,7 +6,7 @@ use palpate_haptics::device::{HapticDevice, TickTime};
 use palpate_haptics::exchange::{Reader, Writer};
 use palpate_haptics::run::run_tick;
 use palpate_haptics::snapshot::HapticSnapshot;
-use palpate_haptics::tick::{Tick, TickConfig, TickState, TickWorkspace};
+use palpate_haptics::tick::{PatchTickConfig, Tick, TickConfig, TickState, TickWorkspace};
 use palpate_haptics::wrench::Wrench;
 
 pub use palpate_haptics::record::{TickFlags, TickRecord};
@@ -74,9 +74,18 @@ impl Ticker {
             coupling: devices::coupling(scene, &spec),
             limits: scene.limits,
         };
-        let tick = Tick::new(&config, &spec).map_err(refused)?;
+        let mut tick = Tick::new(&config, &spec).map_err(refused)?;
         let contacts = world.detection().max_contacts;
-        let (state, ws) = (TickState::new(contacts), TickWorkspace::new(contacts));
+        if world.patch_nodes() > 0 {
+            let config = PatchTickConfig {
+                tool: world.tool().clone(),
+                detection: *world.detection(),
+                max_nodes: world.patch_nodes(),
+                hand_over: scene.tick.hand_over,
+            };
+            tick = tick.on_patches(config).map_err(refused)?;
+        }
+        let (state, ws) = (tick.state(contacts), tick.workspace(contacts));
         Ok(Self { tick, state, ws, device, snapshots, poses, line, index: 0 })
     }
 

@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Vector3};
 use palpate_solver::gauss_seidel::{self, GaussSeidelConfig, GaussSeidelWorkspace};
 use palpate_solver::problem::ProblemView;
 
+use super::patch::{PatchTickConfig, PatchWorkspace};
 use super::warm_start::WarmStart;
 use crate::coupling::Coupling;
 use crate::snapshot::{HapticSnapshot, ROWS_PER_CONTACT};
@@ -15,11 +16,13 @@ pub struct TickWorkspace {
     /// Snapshot that `w` was made from.
     step: Option<u64>,
     /// W + c J_f J_fᵀ \[m/N\].
-    w: Vec<f64>,
+    pub(super) w: Vec<f64>,
     /// Whether all of `w` is.
     finite: bool,
     delta: Vec<f64>,
-    solver: GaussSeidelWorkspace,
+    pub(super) solver: GaussSeidelWorkspace,
+    /// For snapshots with a patch.
+    pub(super) patch: Option<PatchWorkspace>,
 }
 
 impl TickWorkspace {
@@ -28,7 +31,12 @@ impl TickWorkspace {
     pub fn new(max_contacts: usize) -> Self {
         let rows = ROWS_PER_CONTACT * max_contacts;
         let solver = GaussSeidelWorkspace::with_capacity(rows);
-        Self { step: None, w: vec![0.0; rows * rows], finite: true, delta: vec![0.0; rows], solver }
+        Self { step: None, w: vec![0.0; rows * rows], finite: true, delta: vec![0.0; rows], solver, patch: None }
+    }
+
+    /// The same, for snapshots that carry a patch too.
+    pub(super) fn with_patch(max_contacts: usize, config: &PatchTickConfig) -> Self {
+        Self { patch: Some(PatchWorkspace::new(config)), ..Self::new(max_contacts.max(config.detection.max_contacts)) }
     }
 
     /// Lets W be made anew.

@@ -13,7 +13,7 @@ pub(crate) use check::MOST_SUBSTEPS;
 pub use description::{
     Axis, BodyDescription, ContactDescription, ContactMethod, DeviceDescription, ExplicitDescription, HandDescription,
     IntegratorKind, NewtonDescription, NodeSelection, Plane, RatesDescription, Refactor, SceneDescription,
-    SolverDescription, TissueDescription, ToolDescription,
+    SolverDescription, TickDescription, TickMethod, TissueDescription, ToolDescription,
 };
 pub use error::{InvalidScene, SceneError};
 

@@ -1,19 +1,22 @@
 //! What the step hands to the tick.
 
+use nalgebra::Isometry3;
 use palpate_constraints::rows::ContactRows;
 use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
 
 use super::stages::contact_law;
-use super::{StepInput, StepReport, StepState, StepStatus, StepWorkspace};
+use super::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, patch};
 use crate::world::World;
 
-/// The local problem for the tick: rows, compliance and forces as they were solved.
+/// The local problem for the tick: rows, compliance and forces as they were solved, and the tissue around the tool.
+/// `before` is the tool's pose in the step before.
 pub(super) fn hand_over(
     world: &World,
     input: &StepInput<'_>,
+    before: Option<&Isometry3<f64>>,
     state: &StepState,
-    ws: &StepWorkspace,
-    report: &StepReport,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
     snapshot: &mut HapticSnapshot,
 ) {
     snapshot.clear();
@@ -43,6 +46,9 @@ pub(super) fn hand_over(
             }
         }
         snapshot.valid = true;
+    }
+    if snapshot.valid && snapshot.patch.max_nodes() > 0 {
+        patch::fill(world, input, before, state, ws, report, &mut snapshot.patch);
     }
 }
 

@@ -1,6 +1,7 @@
 //! What one step did.
 
 use nalgebra::{Isometry3, Vector3};
+use palpate_collision::PatchReport;
 use palpate_collision::detection::DetectionReport;
 use palpate_constraints::compliance::{ComplianceMethod, ComplianceReport};
 use palpate_constraints::rows::RowReport;
@@ -120,6 +121,8 @@ pub struct StepReport {
     pub detection: DetectionReport,
     /// Rows built from the contacts.
     pub rows: RowReport,
+    /// The tissue around the tool that the tick got; empty where it has frozen rows.
+    pub patch: PatchReport,
     /// `W`; where it is not usable the step goes on without contact.
     pub compliance: ComplianceReport,
     /// Method that gave `W`.
@@ -179,6 +182,7 @@ impl StepReport {
                 tool_inside: false,
             },
             rows: RowReport::default(),
+            patch: PatchReport::default(),
             compliance: ComplianceReport { rows: 0, diagonal: [0.0; 2], asymmetry: 0.0, usable: true },
             method: ComplianceMethod::Automatic,
             error: ComplianceError::NONE,

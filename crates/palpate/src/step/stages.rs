@@ -1,14 +1,15 @@
 //! The stages of the step, each a few lines between the description, the state and the workspace.
 
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{DMatrixViewMut, Isometry3, Matrix3, Vector3};
 use palpate_collision::contact::Contact;
 use palpate_collision::detection::detect;
-use palpate_constraints::compliance::{self, ComplianceMethod, WarpedInverse};
+use palpate_constraints::compliance::{self, ComplianceMethod, ComplianceReport, WarpedInverse};
 use palpate_constraints::law::{Coulomb, Law, Signorini};
 use palpate_constraints::rows::{RowInput, ToolMotion, build_fixed_rows, build_rows};
 use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::integrator::backward_euler::factor_end;
 use palpate_fem::integrator::explicit::explicit_velocity;
+use palpate_fem::nodal_rows::NodalRows;
 use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
 use palpate_fem::rotation::nodal_rotations;
 use palpate_solver::report::{SolveReport, SolveStatus};
@@ -142,30 +143,48 @@ pub(super) fn compliance(
     if ws.rows.is_empty() {
         return;
     }
+    own_factor(world, exact_steps, ws, report);
+    let rows = std::mem::take(&mut ws.rows.tissue);
+    let mut problem = std::mem::take(&mut ws.problem);
+    let method;
+    (report.compliance, method) = compliance_of(world, factor, &rows, problem.compliance_mut(), ws);
+    report.method = method.unwrap_or(report.method);
+    (ws.rows.tissue, ws.problem) = (rows, problem);
+}
+
+/// Factors this step's own matrix where the method wants one that is not there yet.
+pub(super) fn own_factor(world: &World, exact_steps: u32, ws: &mut StepWorkspace, report: &mut StepReport) {
     let plan = world.plan();
     let exact = plan.compliance == ComplianceMethod::Exact && !plan.constant || exact_steps > 0;
     // What was refused before the free motion would be refused again.
     if exact && !ws.own_is_current && !report.refused && *world.integration() == Integration::BackwardEuler {
         refactor(ws, report);
     }
-    if let Some(newton) = &mut ws.newton {
+    if let Some(newton) = ws.newton.as_mut().filter(|newton| !newton.factored) {
         newton.factored = factor_end(world.model(), ws.dt, &newton.free, &mut newton.ws);
         report.refused = !newton.factored;
     }
-    let w = ws.problem.compliance_mut();
-    report.compliance = match &mut ws.explicit {
+}
+
+/// `h² H A⁻¹ Hᵀ` of any rows into `w`, and the method that gave it; none for the lumped mass.
+pub(super) fn compliance_of<'w>(
+    world: &World,
+    factor: &FactorSample,
+    rows: &NodalRows,
+    w: impl Into<DMatrixViewMut<'w, f64>>,
+    ws: &mut StepWorkspace,
+) -> (ComplianceReport, Option<ComplianceMethod>) {
+    match &mut ws.explicit {
         Some(explicit) => {
             let inverse = WarpedInverse { inverse: &explicit.inverse, rotations: None };
-            compliance::assemble(inverse, &ws.rows.tissue, ws.dt, w, &mut explicit.compliance)
+            (compliance::assemble(inverse, rows, ws.dt, w, &mut explicit.compliance), None)
         }
         None => {
             let own = ws.own.as_ref().filter(|_| ws.own_is_current);
-            let inverse = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
-            report.method = inverse.1;
-            let inverse = inverse.0;
-            compliance::assemble(inverse, &ws.rows.tissue, ws.dt, w, &mut ws.compliance)
+            let (inverse, method) = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
+            (compliance::assemble(inverse, rows, ws.dt, w, &mut ws.compliance), Some(method))
         }
-    };
+    }
 }
 
 /// What stands for `A⁻¹` in compliance and correction, and which method that is: this step's own factor where there is a

@@ -20,6 +20,7 @@ use palpate_solver::solver::{Solver, SolverWorkspace};
 use std::sync::Arc;
 
 use super::direct::DirectStage;
+use super::patch::PatchStage;
 use crate::world::{Integration, World};
 
 /// Rows of a contact with friction.
@@ -174,6 +175,8 @@ pub struct StepWorkspace {
     pub(super) explicit: Option<ExplicitStage>,
     /// The step that the stages take: the scene's, or a substep of it (s).
     pub(super) dt: f64,
+    /// The tissue around the tool, where the tick wants it.
+    pub(super) patch: Option<PatchStage>,
     /// Configurations that the guard tries.
     pub(super) trial: FemState,
     /// Diagonal of the body at rest (m).
@@ -202,6 +205,8 @@ impl StepWorkspace {
         let free = model.free_nodes();
         let contacts = world.detection().max_contacts;
         let rows = ROWS * contacts;
+        let patch_nodes = world.patch_nodes();
+        let compliance_rows = rows.max(3 * patch_nodes);
         let wanted = &world.description().solver;
         let solver = wanted.kind.solver().limited(wanted.tolerance, Some(wanted.max_sweeps));
         let own = world.plan().has_own_factor();
@@ -212,7 +217,7 @@ impl StepWorkspace {
                 newton = Some(NewtonStage::new(model, symbolic, rows));
             }
             Integration::Explicit { dt: substep, .. } => {
-                explicit = Some(ExplicitStage::new(model, substep, rows));
+                explicit = Some(ExplicitStage::new(model, substep, compliance_rows));
                 dt = substep;
             }
         }
@@ -223,6 +228,7 @@ impl StepWorkspace {
             direct: DirectStage::new(world, &fem.system, rows),
             limits: (wanted.tolerance, wanted.max_sweeps),
             dt,
+            patch: (patch_nodes > 0).then(|| PatchStage::new(world, patch_nodes, compliance_rows)),
             trial: model.rest_state(),
             fem,
             rotations: vec![Matrix3::identity(); free],
@@ -234,7 +240,7 @@ impl StepWorkspace {
             detection: DetectionWorkspace::new(world.geometry()),
             rows: ContactRows::with_capacity(contacts),
             fixed_rows: ContactRows::with_capacity(contacts),
-            compliance: ComplianceWorkspace::new(rows, ReachWorkspace::new(symbolic, rows)),
+            compliance: ComplianceWorkspace::new(compliance_rows, ReachWorkspace::new(symbolic, compliance_rows)),
             problem: ConstraintProblem::with_capacity(rows),
             lambda: vec![0.0; rows],
             solver,

@@ -1,0 +1,155 @@
+//! The tissue around the tool for the tick: skin, nodal compliance, and the shape without the step's own forces.
+//!
+//! A patch reaches as far as the tool may touch until two more steps have passed, at the speed that it has now, and from
+//! rest at [`START`]. Its compliance is that of the step's own inverse, in which rows that do not touch the tool and carry
+//! force are held ([`condense`]).
+
+use nalgebra::{DMatrixViewMut, Isometry3, Vector3};
+use palpate_collision::{PatchConfig, PatchGathering};
+use palpate_constraints::condensed::condense;
+use palpate_constraints::rows::ToolRow;
+use palpate_fem::nodal_rows::NodalRows;
+use palpate_fem::sparse::FIXED;
+use palpate_haptics::patch::HapticPatch;
+
+use super::stages;
+use super::{StepInput, StepReport, StepState, StepWorkspace};
+use crate::world::World;
+
+/// Steps until the next patch is there at the latest: the one at hand, and the one after it, which begins with it.
+const STEPS: f64 = 2.0;
+
+/// How far (m) a tool at rest may get meanwhile: at 2 m/s², a brisk hand, within two steps at 30 Hz.
+const START: f64 = 4e-3;
+
+/// Memory for patches, sized at set-up.
+pub(super) struct PatchStage {
+    gathering: PatchGathering,
+    /// Three rows for each node that can move, then the rows that are held.
+    rows: NodalRows,
+    /// Their compliance, where some are held.
+    w: Vec<f64>,
+    max_rows: usize,
+}
+
+impl PatchStage {
+    /// Memory for patches of `nodes` nodes, and as many rows in all as compliance has memory for.
+    pub(super) fn new(world: &World, nodes: usize, max_rows: usize) -> Self {
+        Self {
+            gathering: PatchGathering::new(world.geometry()),
+            rows: NodalRows::with_capacity(max_rows.max(3 * nodes), 3),
+            w: Vec::with_capacity(max_rows * max_rows),
+            max_rows,
+        }
+    }
+}
+
+/// Fills the patch, or leaves it not valid: the tick then has the step's rows.
+pub(super) fn fill(
+    world: &World,
+    input: &StepInput<'_>,
+    before: Option<&Isometry3<f64>>,
+    state: &StepState,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
+    patch: &mut HapticPatch,
+) {
+    patch.clear();
+    let Some(mut stage) = ws.patch.take() else { return };
+    patch.friction = world.description().contact.friction;
+    report.patch = gather(world, input, before, state, ws, &mut stage, patch);
+    patch.left_out = report.patch.left_out as u32;
+    patch.valid = patch.skin().movable() == 0 || compliance(world, input, state, ws, &mut stage, report, patch);
+    if patch.valid {
+        shape(world, state, ws, patch);
+    }
+    ws.patch = Some(stage);
+}
+
+/// The skin near the tool where the step left it.
+fn gather(
+    world: &World,
+    input: &StepInput<'_>,
+    before: Option<&Isometry3<f64>>,
+    state: &StepState,
+    ws: &StepWorkspace,
+    stage: &mut PatchStage,
+    patch: &mut HapticPatch,
+) -> palpate_collision::PatchReport {
+    let (tool, pose) = (world.tool(), &input.tool);
+    let (centre, radius) = tool.bounding_sphere(pose);
+    let path = before.map_or(0.0, |before| {
+        (centre - tool.bounding_sphere(before).0).norm() + radius * pose.rotation.angle_to(&before.rotation)
+    });
+    let config =
+        PatchConfig { margin: world.detection().margin, travel: START + STEPS * path, side: state.contacts.side };
+    let free = world.model().free_of_node();
+    let movable = |node: u32| free.get(node as usize).is_some_and(|&free| free != FIXED);
+    let skin = patch.skin_mut();
+    stage.gathering.gather(&ws.geometry, &state.fem.q, (tool, pose), &config, movable, skin)
+}
+
+/// C of the patch; false where there is none.
+fn compliance(
+    world: &World,
+    input: &StepInput<'_>,
+    state: &StepState,
+    ws: &mut StepWorkspace,
+    stage: &mut PatchStage,
+    report: &mut StepReport,
+    patch: &mut HapticPatch,
+) -> bool {
+    let free = world.model().free_of_node();
+    let (rows, n) = (&mut stage.rows, patch.degrees_of_freedom());
+    rows.clear();
+    for &node in &patch.skin().nodes()[..patch.skin().movable()] {
+        (0..3).for_each(|k| rows.push_row([(free[node as usize], Vector3::ith(k, 1.0))]));
+    }
+    // Rows that are closed and do not touch the tool.
+    let untouched = |row: &ToolRow| row.force == Vector3::zeros() && row.torque == Vector3::zeros();
+    for block in &ws.rows.blocks {
+        let range = block.range();
+        let closed = ws.lambda.get(range.start).is_some_and(|normal| *normal > 0.0);
+        let held = closed && ws.rows.tool.get(range.clone()).is_some_and(|tool| tool.iter().all(untouched));
+        if held && rows.len() + range.len() <= stage.max_rows {
+            range.for_each(|r| rows.push_row(ws.rows.tissue.row(r)));
+        }
+    }
+    let all = rows.len();
+    stages::own_factor(world, state.exact_steps, ws, report);
+    if all == n {
+        return stages::compliance_of(world, input.factor, rows, square(patch.compliance_mut(), n), ws).0.usable;
+    }
+    stage.w.resize(all * all, 0.0);
+    let usable = stages::compliance_of(world, input.factor, rows, square(&mut stage.w, all), ws).0.usable;
+    let held = usable.then(|| condense(&mut stage.w, all, n)).flatten();
+    for (to, from) in patch.compliance_mut().chunks_exact_mut(n).zip(stage.w.chunks_exact(all)) {
+        to.copy_from_slice(&from[..n]);
+    }
+    held.is_some()
+}
+
+/// Forces of the step on the patch's nodes, and where the nodes are without them.
+fn shape(world: &World, state: &StepState, ws: &mut StepWorkspace, patch: &mut HapticPatch) {
+    let lambda = ws.lambda.get(..ws.rows.len()).unwrap_or(&[]);
+    ws.load.fill(0.0);
+    ws.rows.tissue.add_transposed(lambda, &mut ws.load);
+    let (load, free) = (&ws.load, world.model().free_of_node());
+    let movable = patch.skin().movable();
+    for k in 0..patch.len() {
+        let node = patch.skin().nodes()[k] as usize;
+        let at = 3 * free[node] as usize;
+        let loaded = load.get(at..at.saturating_add(3)).filter(|_| k < movable);
+        patch.force_mut()[k] = loaded.map_or(Vector3::zeros(), Vector3::from_column_slice);
+    }
+    for k in 0..patch.len() {
+        let node = patch.skin().nodes()[k] as usize;
+        patch.q_free_mut()[k] = state.fem.q[node];
+    }
+    patch.relieve();
+}
+
+/// A square matrix by columns.
+fn square(w: &mut [f64], n: usize) -> DMatrixViewMut<'_, f64> {
+    DMatrixViewMut::from_slice(w, n, n)
+}
