@@ -15,6 +15,7 @@ use super::PatchWorkspace;
 use super::rows::{Row, Rows};
 use crate::patch::HapticPatch;
 use crate::snapshot::ROWS_PER_CONTACT;
+use crate::wrench::all_finite;
 
 /// A node of the patch in use.
 #[derive(Clone, Copy, Debug)]
@@ -105,9 +106,9 @@ impl PatchMemory {
         patch.yielding(&self.next_force[..nodes], &mut self.moved[..nodes]);
         for ((node, moved), q_free) in self.next.iter_mut().zip(&self.moved).zip(patch.q_free()).take(nodes) {
             node.yielded = *moved;
-            if node.known {
-                node.offset = node.shape - moved - q_free;
-            } else {
+            node.offset = node.shape - moved - q_free;
+            // What was not finite is forgotten.
+            if !node.known || !all_finite(&node.offset) {
                 node.offset = ZERO;
                 node.shape = q_free + moved;
             }
