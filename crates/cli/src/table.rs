@@ -9,7 +9,7 @@ pub(crate) fn summary(s: &RunSummary) -> String {
         "{} ({}, {} nodes, {} tetrahedra): {:.2} s, {}",
         s.scene, s.mode, s.nodes, s.tetrahedra, s.simulated, s.end
     )];
-    lines.push(format!("integrator: {}; contact by {}", s.integrator, s.contact));
+    lines.push(format!("integrator: {}; contact by {}; tick: {}", s.integrator, s.contact, s.tick_method));
     lines.push(format!("plan: {}", s.plan));
     lines.push(tails(s).to_string());
     lines.push(facts(s).to_string());
@@ -49,6 +49,7 @@ fn tails(s: &RunSummary) -> Table {
         row("error of the compliance [%]", &s.compliance_error, 1e2, 2);
     }
     row("contacts", &s.contacts, 1.0, 0);
+    row("jump of the force at a new snapshot [mN]", &s.force_jump, 1e3, 2);
     table
 }
 
@@ -75,7 +76,14 @@ fn facts(s: &RunSummary) -> Table {
         format!("{} / {}", s.factors_early, s.exact_steps),
     ]);
     table.add_row(["largest force [N]".to_string(), format!("{:.3}", s.largest_force)]);
-    table.add_row(["largest jump at a new snapshot [N]".to_string(), format!("{:.4}", s.largest_jump)]);
+    table.add_row([
+        "impulse of contact: steps / ticks [N s]".to_string(),
+        format!("{:.4} / {:.4}", s.impulse[0], s.impulse[1]),
+    ]);
+    table.add_row([
+        "steps with a full patch / ticks beyond their patch".to_string(),
+        format!("{} / {}", s.patches_full, s.beyond_patch),
+    ]);
     table.add_row([
         "contacts dropped / factors refused".to_string(),
         format!("{} / {}", s.contacts_dropped, s.factors_refused),

@@ -7,7 +7,7 @@ use crate::refresh::RefreshReport;
 use crate::run::{Observer, Progress};
 use crate::step::{StepReport, StepStatus};
 use crate::summary::{RunEnd, RunSummary, Tail};
-use crate::tick::TickReport;
+use crate::tick::{TickFlags, TickReport};
 use crate::world::World;
 
 /// Tails, counts and extremes of a run so far.
@@ -45,6 +45,12 @@ pub(crate) struct Gathering {
     worst_tick_residual: f64,
     largest_force: f64,
     largest_jump: f64,
+    force_jump: Tail,
+    beyond_patch: u64,
+    patches_full: u64,
+    impulse: [f64; 2],
+    /// Length of a step and of a tick (s).
+    lengths: [f64; 2],
 }
 
 impl Gathering {
@@ -85,6 +91,11 @@ impl Gathering {
             worst_tick_residual: 0.0,
             largest_force: 0.0,
             largest_jump: 0.0,
+            force_jump: Tail::new(1e-9),
+            beyond_patch: 0,
+            patches_full: 0,
+            impulse: [0.0; 2],
+            lengths: [world.dt(), 1.0 / world.description().rates.tick],
         }
     }
 
@@ -108,6 +119,8 @@ impl Gathering {
         self.filtered += u64::from(report.assembly.filtered);
         self.inverted += u64::from(report.assembly.inverted);
         self.worst_residual = self.worst_residual.max(report.solve.residual);
+        self.patches_full += u64::from(report.patch.left_out > 0);
+        self.impulse[0] += report.force.norm() * self.lengths[0];
         if report.status == StepStatus::RolledBack {
             self.failed = true;
             let place = match report.failed {
@@ -146,6 +159,11 @@ impl Gathering {
         self.force = record.wrench.force.norm();
         self.largest_force = self.largest_force.max(self.force);
         self.largest_jump = self.largest_jump.max(record.force_jump);
+        if record.flags.contains(TickFlags::NEW_SNAPSHOT) && record.active > 0 {
+            self.force_jump.record(record.force_jump);
+        }
+        self.beyond_patch += u64::from(record.flags.contains(TickFlags::BEYOND_PATCH));
+        self.impulse[1] += record.contact_wrench.force.norm() * self.lengths[1];
         self.worst_tick_residual = self.worst_tick_residual.max(record.residual);
         observer.tick(report);
     }
@@ -205,6 +223,11 @@ impl Gathering {
             inverted: self.inverted,
             largest_force: self.largest_force,
             largest_jump: self.largest_jump,
+            force_jump: self.force_jump.percentiles(),
+            tick_method: world.tick_method(),
+            beyond_patch: self.beyond_patch,
+            patches_full: self.patches_full,
+            impulse: self.impulse,
             records_missed: self.missed,
             files: trace.iter().map(|t| t.path.clone()).collect(),
             trace,

@@ -203,7 +203,7 @@ impl StepReport {
     }
 
     /// Names and units of [`StepReport::row`].
-    pub const COLUMNS: [&'static str; 32] = [
+    pub const COLUMNS: [&'static str; 34] = [
         "step",
         "time_s",
         "tool_x_m",
@@ -234,12 +234,14 @@ impl StepReport {
         "compliance_error_sampled",
         "correction_iterations",
         "overlap_m",
+        "patch_nodes",
+        "patch_triangles_left_out",
         "rolled_back",
         "work_s",
     ];
 
     /// The report as one row of a table.
-    pub fn row(&self) -> [f64; 32] {
+    pub fn row(&self) -> [f64; 34] {
         let p = self.tool.translation.vector;
         let r = self.tool.rotation;
         [
@@ -273,6 +275,8 @@ impl StepReport {
             self.error.sampled,
             f64::from(self.error.correction_iterations),
             self.error.overlap,
+            self.patch.nodes as f64,
+            self.patch.left_out as f64,
             f64::from(u8::from(self.status == StepStatus::RolledBack)),
             self.times.total,
         ]
