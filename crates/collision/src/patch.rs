@@ -19,7 +19,7 @@ mod gathering;
 pub use gathering::{PatchConfig, PatchGathering, PatchReport};
 
 /// Triangles and nodes around a tool. Filled in place by [`PatchGathering::gather`]; allocates in [`SkinPatch::new`] only.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Debug, Default, PartialEq)]
 pub struct SkinPatch {
     /// Names of the nodes; those that can move come first, both parts ascending.
     names: Vec<u32>,
@@ -34,6 +34,15 @@ pub struct SkinPatch {
     max_nodes: usize,
     side: Option<Vector3<f64>>,
     clearance: f64,
+}
+
+/// A copy with the same room.
+impl Clone for SkinPatch {
+    fn clone(&self) -> Self {
+        let mut copy = Self::new(self.max_nodes);
+        copy.copy_from(self);
+        copy
+    }
 }
 
 impl SkinPatch {
@@ -179,6 +188,7 @@ impl Skin for SkinPatch {
 pub struct PatchDetection {
     features: Vec<Feature>,
     contacts: Vec<Contact>,
+    max_contacts: usize,
     hull: HullInWorld,
 }
 
@@ -192,7 +202,7 @@ impl PatchDetection {
         }
         // A triangle gives a capsule three points; a hull's corners and edges may give more, and the collector bounds them.
         let features = Vec::with_capacity(8 * max_nodes + 64);
-        Self { features, contacts: Vec::with_capacity(max_contacts), hull }
+        Self { features, contacts: Vec::with_capacity(max_contacts), max_contacts, hull }
     }
 
     /// Contacts of the last detection, ascending by feature. Their nodes are numbers within the patch.
@@ -235,7 +245,7 @@ impl PatchDetection {
             keep_faced(&mut self.features, side, |x| patch.is_below(&tool.core(pose, x), positions));
         }
         // The memory of the contacts is what there is: a larger wish must not make it grow.
-        let room = config.max_contacts.min(self.contacts.capacity());
+        let room = config.max_contacts.min(self.max_contacts);
         let config = DetectionConfig { max_contacts: room, ..*config };
         crowded + keep_deepest_of(&mut self.features, &config, &mut self.contacts).dropped
     }

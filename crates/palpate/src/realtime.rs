@@ -51,6 +51,7 @@ pub(crate) fn run(
     };
     let end_all = AtomicBool::new(false);
     let granted = AtomicBool::new(true);
+    let wanted = options.real_time_priority;
     let start = Instant::now();
     let outcome = std::thread::scope(|scope| -> std::io::Result<(RunEnd, f64)> {
         let spawn = |name: &str| std::thread::Builder::new().name(name.into());
@@ -60,7 +61,7 @@ pub(crate) fn run(
         let _told = EndOnDrop(end_all);
         let spawned = spawn("palpate-tick")
             .spawn_scoped(scope, move || {
-                granted.store(raise_priority(), Ordering::Relaxed);
+                granted.store(!wanted || raise_priority(), Ordering::Relaxed);
                 let _ends = EndOnDrop(end_all);
                 tick_loop(ticker, Pacer::new(start, rates.tick), tick_sender, end_all);
             })

@@ -54,6 +54,7 @@ pub(in crate::tick) struct PatchMemory {
     next_force: Vec<Vector3<f64>>,
     moved: Vec<Vector3<f64>>,
     contacts: Vec<Known>,
+    max_contacts: usize,
     /// The tool at the end of the tick before.
     tool: Option<Isometry3<f64>>,
     /// Time since the snapshot in use was taken over \[s\].
@@ -70,6 +71,7 @@ impl PatchMemory {
             next_force: vec![ZERO; max_nodes],
             moved: vec![ZERO; max_nodes],
             contacts: Vec::with_capacity(max_contacts),
+            max_contacts,
             tool: None,
             since: 0.0,
         }
@@ -184,7 +186,7 @@ impl PatchMemory {
         }
         self.tool = Some(*tool);
         self.contacts.clear();
-        let rows = ws.rows.contact.iter().take(self.contacts.capacity());
+        let rows = ws.rows.contact.iter().take(self.max_contacts);
         self.contacts.extend(rows.filter(|row| row.force != ZERO).map(Known::new));
     }
 }

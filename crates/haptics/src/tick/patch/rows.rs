@@ -43,6 +43,7 @@ pub(super) struct Rows {
     pub(super) delta_free: Vec<f64>,
     pub(super) lambda: Vec<f64>,
     friction: f64,
+    max_contacts: usize,
 }
 
 impl Rows {
@@ -54,6 +55,7 @@ impl Rows {
             delta_free: Vec::with_capacity(rows),
             lambda: Vec::with_capacity(rows),
             friction: 0.0,
+            max_contacts: contacts,
         }
     }
 
@@ -85,7 +87,7 @@ impl Rows {
         self.friction = patch.friction;
         let law: Law = if self.friction > 0.0 { Coulomb { friction: self.friction }.into() } else { Signorini.into() };
         let path = Path::new(poses, memory.tool());
-        for contact in contacts.iter().take(self.contact.capacity()) {
+        for contact in contacts.iter().take(self.max_contacts) {
             let directions = ContactFrame::new(contact.normal).directions();
             let lever = contact.tissue_point - poses.held.translation.vector;
             let mut row = Row {
