@@ -169,7 +169,7 @@ fn the_first_touch_is_that_of_the_tissue_computed_offline_at_1_khz() {
 #[test]
 fn a_deep_press_that_is_held_neither_chatters_nor_creeps() {
     // More than the ball's radius, where q_free of a step lies beyond its centre.
-    for (friction, agreement) in [(0.0, 0.02), (0.3, 0.1)] {
+    for friction in [0.0, 0.3] {
         let world = world(|scene| {
             forced(scene);
             scene.contact.friction = friction;
@@ -192,8 +192,8 @@ fn a_deep_press_that_is_held_neither_chatters_nor_creeps() {
         assert!(last.norm() > 2.0);
         // The tick's tolerance is a thousandth.
         assert!(off < 5e-3 * last.norm(), "{off} N");
-        // With friction, what holds depends on the path, of which the tick has seen 33 times as much.
-        assert!((step.force - last).norm() < agreement * last.norm(), "{} by the step, {last} by the tick", step.force);
+        // The same contacts on the same tissue, but for the tick's linearised tissue and its own friction.
+        assert!((step.force - last).norm() < 0.01 * last.norm(), "{} by the step, {last} by the tick", step.force);
     }
 }
 

@@ -39,8 +39,8 @@ fn the_force_follows_the_skin_while_the_ball_slides_over_a_node() {
             continue; // the coupling finds its stretch
         }
         let (force, expected) = (record.contact_wrench.force, spring_force(&record));
-        // One iteration of Newton's method a tick: the normal is a tick's path of 8 µm behind, of a radius of 5 mm.
-        assert!((force - expected).norm() < 1e-3 * expected.norm(), "{k}: {force} {expected}");
+        // The normal follows with a lag of three ticks, of a path of 8 µm each, over a radius of 5 mm.
+        assert!((force - expected).norm() < 5e-3 * expected.norm(), "{k}: {force} {expected}");
         turned = turned.max(force.angle(&Vector3::z()).abs());
         assert!(record.flags.contains(TickFlags::LOCAL) && record.active == 1);
     }

@@ -27,11 +27,16 @@ struct Node {
     shape: Vector3<f64>,
     /// o \[m\].
     offset: Vector3<f64>,
-    /// C f \[m\].
+    /// From the shape to the place where contacts are found \[m\].
+    lag: Vector3<f64>,
+    /// From q to the place where contacts are found \[m\]: C f, which it follows by [`FOLLOWS`].
     yielded: Vector3<f64>,
 }
 
-const NOWHERE: Node = Node { name: u32::MAX, known: false, shape: ZERO, offset: ZERO, yielded: ZERO };
+/// Share of the way to the shape of its forces that the place where contacts are found goes in a tick.
+const FOLLOWS: f64 = 0.3;
+
+const NOWHERE: Node = Node { name: u32::MAX, known: false, shape: ZERO, offset: ZERO, lag: ZERO, yielded: ZERO };
 const ZERO: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
 
 /// A contact of the tick before.
@@ -107,10 +112,11 @@ impl PatchMemory {
         }
         patch.yielding(&self.next_force[..nodes], &mut self.moved[..nodes]);
         for ((node, moved), q_free) in self.next.iter_mut().zip(&self.moved).zip(patch.q_free()).take(nodes) {
-            node.yielded = *moved;
             node.offset = node.shape - moved - q_free;
+            node.yielded = moved + node.lag;
             // What was not finite is forgotten.
-            if !node.known || !all_finite(&node.offset) {
+            if !node.known || !all_finite(&(node.offset + node.lag)) {
+                (node.lag, node.yielded) = (ZERO, *moved);
                 node.offset = ZERO;
                 node.shape = q_free + moved;
             }
@@ -181,8 +187,10 @@ impl PatchMemory {
         for (((node, kept), q_free), (force, moved)) in
             self.nodes.iter_mut().zip(&mut self.force).zip(patch.q_free()).zip(found)
         {
-            (node.yielded, *kept) = (*moved, *force);
+            *kept = *force;
             node.shape = q_free + node.offset * fade + moved;
+            node.yielded += (moved - node.yielded) * FOLLOWS;
+            node.lag = node.yielded - moved;
         }
         self.tool = Some(*tool);
         self.contacts.clear();
