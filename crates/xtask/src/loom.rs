@@ -5,7 +5,6 @@
 //! atomics lead to loom's: what is checked is the code that runs, with every other word as it was published.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use crate::guard::{Outcome, cargo, execute, root};
 
