@@ -7,11 +7,13 @@
 
 use std::{hint::black_box, time::Instant};
 
+use cpu_time::ThreadTime;
 use criterion::{BenchmarkId, Criterion, Throughput};
 use palpate::fem::assembly::{FemWorkspace, assemble, incremental_energy, internal_forces};
+use palpate::fem::element::quadratic::{POINTS, QuadraticMatrices};
 use palpate::fem::element::{ElementKind, ElementMatrices};
-use palpate::fem::material::{BATCH, Law, Material};
-use palpate::fem::pack::{PACK, PackMatrices};
+use palpate::fem::material::{Law, Material};
+use palpate::fem::pack::{DeformedPack, PACK, PackMatrices, QuadraticPackMatrices};
 use palpate::world::World;
 
 mod organ;
@@ -37,41 +39,83 @@ fn measure(c: &mut Criterion, case: String, world: &World) {
     group.finish();
 }
 
-/// Packs that are computed together, as the assembly does.
-const PACKS: usize = BATCH / PACK;
+/// Packs between two readings of the clock.
+const PACKS: usize = 64;
 
-/// Batches between two readings of the clock: short against the slices of time that other programs take.
-const BATCHES: usize = 16;
+/// The liver all of one law and one kind of element.
+fn liver_by(law: &Material, kind: ElementKind) -> World {
+    liver(SMALL, |scene| {
+        scene.bodies[0].material = (*law).into();
+        scene.bodies[0].regions.clear();
+        scene.bodies[0].element = kind;
+    })
+}
 
-/// Median times (ns per element): forces and tangents one element at a time and in packs, and the whole assembly.
+/// Median times (ns per element): forces and tangents one element at a time and in packs, and the whole assembly. Averaged
+/// elements stand under a pressure here; what their groups cost is part of the assembly. Time of the thread, so that other
+/// programs count only by what they push out of the caches.
 fn kernels(law: &Material, world: &World, filter: bool) -> [f64; 3] {
     let (model, state) = (world.model(), bent(world.model()));
+    let q = &state.q;
+    let kind = model.element_kind();
+    let law = if kind == ElementKind::Averaged { law.without_bulk().map_or(*law, |(law, _)| law) } else { *law };
+    let pressure = [0.1 * TISSUE[0]; PACK];
     let mut ws = FemWorkspace::new(model);
     ws.filter = filter;
-    let mut matrices = ElementMatrices::ZERO;
-    let mut results = vec![PackMatrices::ZERO; PACKS];
-    let repetitions = if measuring() { 41 } else { 1 };
+    let (mut matrices, mut quadratic_matrices) = (ElementMatrices::ZERO, QuadraticMatrices::ZERO);
+    let mut results = [PackMatrices::ZERO; POINTS];
+    let mut quadratic_results = Box::new(QuadraticPackMatrices::ZERO);
+    let repetitions = match kind {
+        _ if !measuring() => 1,
+        ElementKind::Quadratic => 11,
+        _ => 41,
+    };
     let mut times = [Vec::new(), Vec::new(), Vec::new()];
-    let mut read = |which: usize, elements: usize, start: Instant| {
+    let mut read = |which: usize, elements: usize, start: ThreadTime| {
         times[which].push(start.elapsed().as_secs_f64() * 1e9 / elements as f64);
     };
     for _ in 0..repetitions {
-        let parts = model.elements().chunks(BATCHES * BATCH).zip(model.packs().chunks(BATCHES * PACKS));
-        for (elements, packs) in parts {
-            let start = Instant::now();
+        if kind == ElementKind::Quadratic {
+            let packs = model.quadratic_packs().chunks(PACKS);
+            for (elements, packs) in model.quadratic_elements().chunks(PACK * PACKS).zip(packs) {
+                let start = ThreadTime::now();
+                for element in elements {
+                    element.answer(&law, q, filter, &mut quadratic_matrices);
+                    black_box(&quadratic_matrices);
+                }
+                read(0, elements.len(), start);
+                let start = ThreadTime::now();
+                for pack in packs {
+                    for (at, point) in pack.at_points(q).iter().zip(&mut results) {
+                        law.pack(at, filter, point);
+                    }
+                    pack.sum_points(&results, &mut quadratic_results);
+                    black_box(&quadratic_results);
+                }
+                read(1, elements.len(), start);
+            }
+        }
+        for (elements, packs) in model.elements().chunks(PACK * PACKS).zip(model.packs().chunks(PACKS)) {
+            let start = ThreadTime::now();
             for element in elements {
-                law.element(element, &element.edges(&state.q), filter, &mut matrices);
+                let edges = element.edges(q);
+                if kind == ElementKind::Averaged {
+                    law.element_under_pressure(element, &edges, pressure[0], filter, &mut matrices);
+                } else {
+                    law.element(element, &edges, filter, &mut matrices);
+                }
                 black_box(&matrices);
             }
             read(0, elements.len(), start);
-            let start = Instant::now();
-            for packs in packs.chunks(PACKS) {
-                black_box(law.packed(packs, &state.q, filter, &mut results[..packs.len()]));
-                black_box(&results);
+            let start = ThreadTime::now();
+            for pack in packs {
+                let pressure = (kind == ElementKind::Averaged).then_some(&pressure);
+                law.pack(&DeformedPack { pressure, ..pack.at(q) }, filter, &mut results[0]);
+                black_box(&results[0]);
             }
             read(1, elements.len(), start);
         }
-        let start = Instant::now();
+        let start = ThreadTime::now();
         black_box(assemble(model, &state, world.dt(), &[], &mut ws));
         read(2, model.elements().len(), start);
     }
@@ -81,22 +125,29 @@ fn kernels(law: &Material, world: &World, filter: bool) -> [f64; 3] {
     })
 }
 
-/// Prints the table of [`kernels`] for every registered law, on one thread.
+/// Prints the table of [`kernels`] for every registered law and kind of element, on one thread.
 fn print_kernels() {
     println!(
         "\nns per element, one thread, {} elements; medians",
         liver_of(SMALL, law(LAWS[0])).mesh().tetrahedra.len()
     );
-    println!("| law | filter | one at a time | in packs | ratio | sums and rows | assembly |");
-    println!("| --- | --- | ---: | ---: | ---: | ---: | ---: |");
-    for name in Material::NAMES {
-        let law = law(name);
-        let world = liver_of(SMALL, law);
-        for filter in [false, true] {
-            let [plain, packs, assembly] = pool(1).install(|| kernels(&law, &world, filter));
-            let (state, ratio) = (if filter { "on" } else { "off" }, plain / packs);
-            let sums = assembly - packs;
-            println!("| {name} | {state} | {plain:.0} | {packs:.0} | {ratio:.1} | {sums:.0} | {assembly:.0} |");
+    println!("| element | law | filter | one at a time | in packs | ratio | sums and rows | assembly |");
+    println!("| --- | --- | --- | ---: | ---: | ---: | ---: | ---: |");
+    for kind in [ElementKind::Linear, ElementKind::Averaged, ElementKind::Quadratic] {
+        for name in Material::NAMES {
+            let law = law(name);
+            if kind == ElementKind::Averaged && law.without_bulk().is_none() {
+                continue;
+            }
+            let world = liver_by(&law, kind);
+            for filter in [false, true] {
+                let [plain, packs, assembly] = pool(1).install(|| kernels(&law, &world, filter));
+                let (kind, state, ratio) = (kind.name(), if filter { "on" } else { "off" }, plain / packs);
+                let sums = assembly - packs;
+                println!(
+                    "| {kind} | {name} | {state} | {plain:.0} | {packs:.0} | {ratio:.1} | {sums:.0} | {assembly:.0} |"
+                );
+            }
         }
     }
 }
@@ -107,11 +158,7 @@ fn print_kinds() {
     println!("| element | elements | threads | assembly | forces alone | energy alone |");
     println!("| --- | ---: | ---: | ---: | ---: | ---: |");
     for kind in [ElementKind::Linear, ElementKind::Averaged, ElementKind::Quadratic] {
-        let world = liver(SMALL, |scene| {
-            scene.bodies[0].material = law(LAWS[0]).into();
-            scene.bodies[0].regions.clear();
-            scene.bodies[0].element = kind;
-        });
+        let world = liver_by(&law(LAWS[0]), kind);
         let (model, state) = (world.model(), bent(world.model()));
         let elements = world.mesh().tetrahedra.len();
         let repetitions = if measuring() { 41 } else { 1 };

@@ -11,18 +11,22 @@ const MAY_KNOW: &[(&str, &[&str])] = &[
     ("palpate-constraints", &["palpate-fem", "palpate-collision"]),
     ("palpate-solver", &["palpate-constraints"]),
     ("palpate-haptics", &["palpate-solver", "palpate-constraints", "palpate-collision"]),
+    ("palpate-devices", &["palpate-haptics", "palpate-trace"]),
     (
         "palpate",
         &[
             "palpate-fem",
             "palpate-collision",
+            "palpate-rigid",
             "palpate-constraints",
             "palpate-solver",
             "palpate-haptics",
             "palpate-trace",
+            "palpate-devices",
         ],
     ),
     ("palpate-cli", &["palpate"]),
+    ("palpate-capi", &["palpate"]),
 ];
 
 /// Licences without a condition on programs that link the work. MPL-2.0 binds the licensed files only.

@@ -17,6 +17,11 @@ const CONVERGED: [f64; 5] = [0.1124, 0.3401, 1.0234, 1.9950, 3.1935];
 
 /// Forces (N) at the five depths through the engine, with so many equilibria from each depth to the next.
 fn forces(law: &str, friction: f64, parts: u32) -> Option<[f64; 5]> {
+    forces_by("", law, friction, parts)
+}
+
+/// The same with more lines in the scene's `[contact]`.
+fn forces_by(contact: &str, law: &str, friction: f64, parts: u32) -> Option<[f64; 5]> {
     let path = reference("reference/indentation/block.vtk")?;
     let text = format!(
         r#"
@@ -38,6 +43,7 @@ fn forces(law: &str, friction: f64, parts: u32) -> Option<[f64; 5]> {
         at = "nodes"
         friction = {friction}
         max_contacts = 169
+        {contact}
         [solver]
         tolerance = 1e-8
         max_sweeps = 20000
@@ -83,9 +89,9 @@ fn compare(law: &str, expected: &[f64; 5]) -> Option<f64> {
     Some(worst)
 }
 
-/// On the reference's mesh and with its kind of contact, what is left are solver differences: ours is higher by 0.6 %
-/// where one node touches and by 0.2 % at 8 mm, as if it were 5 to 10 µm deeper everywhere. A reference contact
-/// that yields by so much, as a penalty does, would explain it; the note does not say. Ours leaves no gap. The mesh itself makes +8 to +17 %.
+/// On the reference's mesh with contact at its nodes, that leaves no gap: higher than the reference by 0.6 % where one node
+/// touches and by 0.2 % at 8 mm, as if it were 6 µm deeper everywhere. That is the yielding of the reference's contact, see
+/// [`the_references_contact_yields_like_a_spring_of_one_stiffness`]. The mesh itself makes +8 to +17 %.
 #[test]
 fn neo_hookean_block_answers_like_the_reference_on_its_mesh() {
     let Some(worst) = compare("neo_hookean", &[0.1286, 0.3953, 1.1920, 2.1538, 3.5440]) else { return };
@@ -97,6 +103,33 @@ fn neo_hookean_block_answers_like_the_reference_on_its_mesh() {
 fn corotational_block_answers_like_the_reference_on_its_mesh() {
     let Some(worst) = compare("corotational", &[0.1251, 0.3811, 1.1094, 1.9347, 3.1002]) else { return };
     assert!(worst < 0.01, "{worst}");
+}
+
+/// Stiffness (N/m) of each contact in the reference, inferred: its note does not say that its contact yields.
+const REFERENCE_CONTACT: f64 = 2e4;
+
+/// What explains the difference is a spring of 20 kN/m at each node, which the tool enters by some 6 µm. One number fits
+/// twenty: with it all forces of four laws at five depths are the reference's, to the last digit that it gives (half of which is
+/// 0.5e-4 N). The fifth law stays up to 0.48 % off: the note marks it `λ+μ`, perhaps another form of the stable law than ours.
+#[test]
+fn the_references_contact_yields_like_a_spring_of_one_stiffness() {
+    let contact = format!("method = \"penalty\"\npenalty = {{ stiffness = {REFERENCE_CONTACT:e}, damping = 0.0 }}");
+    let same = [
+        ("neo_hookean", [0.1286, 0.3953, 1.1920, 2.1538, 3.5440]),
+        ("linear", [0.1267, 0.3894, 1.1543, 2.0344, 3.2703]),
+        ("st_venant_kirchhoff", [0.1202, 0.3607, 0.9927, 1.6370, 2.5146]),
+        ("corotational", [0.1251, 0.3811, 1.1094, 1.9347, 3.1002]),
+    ];
+    let other = [("stable_neo_hookean", [0.1274, 0.3922, 1.1765, 2.1150, 3.4754])];
+    for ((law, expected), is_same) in same.into_iter().map(|c| (c, true)).chain(other.map(|c| (c, false))) {
+        let Some(ours) = forces_by(&contact, law, 0.0, 1) else { return };
+        println!("{law}: {:+.3?} %", std::array::from_fn::<f64, 5, _>(|k| 100.0 * (ours[k] / expected[k] - 1.0)));
+        for (ours, expected) in ours.into_iter().zip(expected) {
+            // Beyond the half digit what our own search for equilibrium leaves: 1e-6 of the force.
+            let bound = if is_same { 0.5e-4 + 2e-6 * expected } else { 5e-3 * expected };
+            assert!((ours - expected).abs() < bound, "{law}: {ours} N, not {expected} N");
+        }
+    }
 }
 
 /// Stick raises the force: it holds the skin under the ball from spreading. From 1 mm on nearly all nodes stick at 0.5,

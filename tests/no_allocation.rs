@@ -88,6 +88,21 @@ fn a_step_allocates_nothing_while_contacts_come_and_go() {
     }
 }
 
+/// To this tolerance thirty sweeps do not settle the problem, and Newton's method does.
+#[test]
+fn a_step_whose_contact_solver_falls_back_allocates_nothing() {
+    let world = block::world(|scene| scene.solver.tolerance = 1e-11);
+    on_a_worker(|| {
+        let mut simulation = Simulation::new(&world).unwrap();
+        let mut press = || (0..STEPS).filter(|&k| simulation.step(&pose(k)).attempts > 1).count();
+        press();
+        let mut fell_back = 0;
+        let seen = violations(|| fell_back = press());
+        assert_eq!(seen, 0);
+        assert!(fell_back > 10, "{fell_back}");
+    });
+}
+
 #[test]
 fn a_step_that_fails_allocates_nothing_either() {
     let (_, _, world) = worlds().next().unwrap();
@@ -245,4 +260,50 @@ fn a_newton_step_that_fails_allocates_nothing_either() {
         });
         assert_eq!((seen, failed), (0, 3));
     });
+}
+
+/// A brick on a floor, a ball that falls on the tissue and rolls off it on the brick, and the tool in between.
+#[test]
+fn steps_with_fixed_and_rigid_bodies_allocate_nothing_either() {
+    for integrator in [IntegratorKind::BackwardEuler, IntegratorKind::Newton] {
+        let world = block::world(|scene| {
+            scene.bodies[0].integrator = integrator;
+            scene.gravity = [0.0, 0.0, -9.81];
+            let bodies = r#"
+                [[fixed_body]]
+                name = "floor"
+                shape = { kind = "plane", normal = [0, 0, 1] }
+                [[rigid_body]]
+                name = "brick"
+                shape = { kind = "box", size = [0.06, 0.06, 0.02] }
+                mass = 0.1
+                position = [0.12, 0.04, 0.01]
+                [[rigid_body]]
+                name = "pellet"
+                shape = { kind = "sphere", radius = 0.01 }
+                mass = 0.05
+                position = [0.07, 0.04, 0.055]
+                velocity = [0.5, 0, 0]
+            "#;
+            let bodies: toml::Table = bodies.parse().unwrap();
+            scene.fixed_bodies = bodies["fixed_body"].clone().try_into().unwrap();
+            scene.rigid_bodies = bodies["rigid_body"].clone().try_into().unwrap();
+        });
+        on_a_worker(|| {
+            let mut simulation = Simulation::new(&world).unwrap();
+            let start = simulation.state().rigid.clone();
+            let (mut touching, mut most) = (0, 0);
+            let mut fall = || {
+                simulation.state_mut().rigid.copy_from_slice(&start);
+                for k in 0..STEPS {
+                    let report = simulation.step(&pose(k));
+                    assert_eq!(report.status, StepStatus::Advanced);
+                    (touching, most) = (touching + report.active, most.max(report.bodies.active));
+                }
+            };
+            fall();
+            assert_eq!(violations(&mut fall), 0, "{integrator:?}");
+            assert!(touching > 0 && most >= 5, "{integrator:?}: {touching}, {most}");
+        });
+    }
 }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use palpate::solver::solver::Solver;
 
+use crate::choices::scene_choices;
 use crate::exit;
 
 const EXAMPLES: &str = "Examples:
@@ -19,6 +20,31 @@ const EXAMPLES: &str = "Examples:
   palpate replay liver.mcap                  run a trace again and compare every force
   palpate solve problem.json --solver all    one contact problem by every solver
   palpate chart tissue --out charts          measure error against time by law, element and mesh size";
+
+const RUN_EXAMPLES: &str = "Examples:
+  palpate run liver                          in real time, with liver.mcap and liver.svg
+  palpate run block --lockstep --steps 90    in virtual time: equal bits on every run
+  palpate run my_scene.toml --no-trace --csv steps.csv --json > summary.json
+  palpate run block --lockstep --save-problems problems";
+
+const CHECK_EXAMPLES: &str = "Examples:
+  palpate check block                        a bundled scene
+  palpate check my_scene.toml && palpate run my_scene.toml";
+
+const PLAN_EXAMPLES: &str = "Examples:
+  palpate plan liver                         what is predicted
+  palpate plan my_scene.toml --measure       beside what a few steps take on this machine";
+
+const SOLVE_EXAMPLES: &str = "Examples:
+  palpate run block --lockstep --save-problems problems
+  palpate solve problems/step-000050-pass-00001.json --solver all
+  palpate solve problems/*.json --warm --solver gauss_seidel --json > runs.json
+  palpate solve friction.dat --tol 1e-10 --max-iter 500 --out solution.json
+
+Exit codes:
+    0  every problem was solved to the tolerance
+    2  a mistake in the command line or in a file; nothing was solved
+    6  a problem was not solved to the tolerance";
 
 /// Real-time haptic simulation of soft tissue.
 #[derive(Debug, Parser)]
@@ -36,14 +62,19 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Run a scene: a file, or the name of a bundled scene. Files of an earlier run are overwritten.
-    #[command(after_help = exit::HELP)]
+    #[command(after_help = format!("{RUN_EXAMPLES}\n\n{}\n\n{}", scene_choices(), exit::HELP))]
     Run(RunArguments),
     /// Validate a scene and print what was understood; runs and writes nothing.
+    ///
+    /// A mistake is shown with its line and what to do about it; what is odd but no mistake is a warning. The exit code is 0
+    /// for a scene that can run, 2 for one that cannot.
+    #[command(after_help = format!("{CHECK_EXAMPLES}\n\n{}", scene_choices()))]
     Check {
         /// Scene file or name of a bundled scene.
         scene: String,
     },
     /// Print which methods a scene will be computed by, why, and what each stage costs; runs nothing of it in real time.
+    #[command(after_help = PLAN_EXAMPLES)]
     Plan {
         /// Scene file or name of a bundled scene.
         scene: String,
@@ -62,18 +93,38 @@ pub(crate) enum Command {
   palpate chart tissue --quick               a look at it, on small meshes
   palpate chart tissue --out charts          all of it: minutes
   palpate chart solvers --out charts         performance profiles of contact solvers
+  palpate chart compliance --out charts      error of forces by method and age of the factor
   palpate chart tissue --data ../reference   with the solutions of other codes")]
     Chart(ChartArguments),
     /// List the bundled scenes.
     Scenes,
+    /// List the devices: which are found, and why the others are not.
+    Devices(DevicesArguments),
     /// Solve contact problems from files: our JSON, or the .dat texts of Siconos.
-    #[command(after_help = exit::HELP)]
+    ///
+    /// For each file and solver: how it ended, its iterations, the residual that is left, the gap of the block that is farthest
+    /// from its law, the time. A compliance that is not symmetric or not definite is warned of with its row, and solved by
+    /// whatever can. Where no solver meets the tolerance a sentence names the rows that are farthest off.
+    #[command(after_help = SOLVE_EXAMPLES)]
     Solve(SolveArguments),
     /// Run the scene of a trace again and compare every force with the record, to the bit.
     Replay {
         /// The trace.
         trace: PathBuf,
     },
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DevicesArguments {
+    /// Force Dimension's DHD library, where it is not found by its own name.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) dhd: Option<PathBuf>,
+    /// OpenHaptics' HDAPI library, where it is not found by its own name.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) hd: Option<PathBuf>,
+    /// Address of Haply's service, ws://localhost:10001 by default.
+    #[arg(long, value_name = "URL")]
+    pub(crate) haply: Option<String>,
 }
 
 #[derive(Debug, Args)]
@@ -107,9 +158,13 @@ pub(crate) struct RunArguments {
     /// Trace file (MCAP), by default the name of the scene with .mcap. The picture lies beside it, with .svg.
     #[arg(long, value_name = "FILE")]
     pub(crate) trace: Option<PathBuf>,
-    /// Write the contact problem of each step that has contacts into this folder, for `palpate solve`.
+    /// Write every contact problem that is solved into this folder, for `palpate solve`: step-S-pass-N.json is the Nth of
+    /// step S. A folder with problems of an earlier run is refused.
     #[arg(long, value_name = "DIR")]
     pub(crate) save_problems: Option<PathBuf>,
+    /// Remove the problems of an earlier run from the folder of --save-problems; other files there are kept.
+    #[arg(long, requires = "save_problems")]
+    pub(crate) force: bool,
     /// Write the end state of the body as VTU.
     #[arg(long = "final", value_name = "FILE")]
     pub(crate) final_state: Option<PathBuf>,
@@ -145,11 +200,14 @@ pub(crate) struct SolveArguments {
     #[arg(long, value_name = "NAME", default_value = "automatic", value_parser = solver_names())]
     pub(crate) solver: String,
     /// Residual to reach (natural map, relative to the violated gaps).
-    #[arg(long, value_name = "T", default_value_t = 1e-6, value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "T", default_value = "1e-6", value_parser = tolerance, allow_negative_numbers = true)]
     pub(crate) tol: f64,
     /// Limit of iterations; the solver's own by default.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true)]
     pub(crate) max_iter: Option<u32>,
+    /// Begin with the forces that the file holds (`start`, as `palpate run --save-problems` writes it) instead of none.
+    #[arg(long)]
+    pub(crate) warm: bool,
     /// Limit of time for each solver and problem, in seconds.
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) time_limit: Option<f64>,
@@ -244,6 +302,19 @@ pub(crate) enum MeshCommand {
 fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "not a number".to_string())?;
     if value > 0.0 && value.is_finite() { Ok(value) } else { Err("give a positive number".into()) }
+}
+
+/// A residual to reach.
+fn tolerance(text: &str) -> Result<f64, String> {
+    positive(text).map_err(|e| format!("{e}; 1e-6 is usual, 1e-10 tight"))
+}
+
+/// A number of iterations.
+fn count(text: &str) -> Result<u32, String> {
+    match text.parse() {
+        Ok(n @ 1..) => Ok(n),
+        _ => Err(format!("give a whole number, at least 1 and at most {}", u32::MAX)),
+    }
 }
 
 /// Names that `--solver` takes.

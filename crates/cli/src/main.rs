@@ -2,6 +2,7 @@
 
 mod arguments;
 mod chart;
+mod choices;
 mod command;
 mod exit;
 mod output;
@@ -33,6 +34,7 @@ fn main() -> ExitCode {
         Command::Mesh(mesh) => command::mesh::mesh(&mesh),
         Command::Chart(chart) => command::chart::chart(&chart),
         Command::Scenes => command::scenes::scenes(),
+        Command::Devices(devices) => command::devices::devices(&devices),
         Command::Solve(solve) => command::solve::solve(&solve),
         Command::Replay { trace } => command::replay::replay(&trace),
     };

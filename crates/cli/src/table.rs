@@ -9,10 +9,14 @@ pub(crate) fn summary(s: &RunSummary) -> String {
         "{} ({}, {} nodes, {} tetrahedra): {:.2} s, {}",
         s.scene, s.mode, s.nodes, s.tetrahedra, s.simulated, s.end
     )];
-    lines.push(format!("integrator: {}; contact by {}; tick: {}", s.integrator, s.contact, s.tick_method));
+    lines.push(format!(
+        "integrator: {}; contact by {}; law {}; tick: {}",
+        s.integrator, s.contact, s.law, s.tick_method
+    ));
     lines.push(format!("plan: {}", s.plan));
     lines.push(tails(s).to_string());
     lines.push(facts(s).to_string());
+    lines.extend(s.rigid_bodies.iter().map(|body| format!("rigid body {body}")));
     if let Some(trace) = &s.trace {
         let trouble = trace.error.as_deref().map(|e| format!("; {e}")).unwrap_or_default();
         lines.push(format!(
@@ -49,6 +53,9 @@ fn tails(s: &RunSummary) -> Table {
         row("error of the compliance [%]", &s.compliance_error, 1e2, 2);
     }
     row("contacts", &s.contacts, 1.0, 0);
+    if s.body_contacts.max > 0.0 {
+        row("contacts of fixed and rigid bodies", &s.body_contacts, 1.0, 0);
+    }
     row("jump of the force at a new snapshot [mN]", &s.force_jump, 1e3, 2);
     table
 }
@@ -70,6 +77,13 @@ fn facts(s: &RunSummary) -> Table {
         "worst complementarity residual: step / tick".to_string(),
         format!("{:.2e} / {:.2e}", s.worst_residual, s.worst_tick_residual),
     ]);
+    if !s.answered.is_empty() {
+        let by: Vec<_> = s.answered.iter().map(|(solver, steps)| format!("{solver} {steps}")).collect();
+        table.add_row([
+            "steps in contact by solver / with a fall-back".to_string(),
+            format!("{} / {}", by.join(", "), s.fall_backs),
+        ]);
+    }
     table.add_row(["deepest overlap after a correction [mm]".to_string(), format!("{:.4}", 1e3 * s.overlap)]);
     table.add_row([
         "factors before their turn / steps in contact with exact compliance".to_string(),
@@ -81,8 +95,8 @@ fn facts(s: &RunSummary) -> Table {
         format!("{:.4} / {:.4}", s.impulse[0], s.impulse[1]),
     ]);
     table.add_row([
-        "steps with a full patch / ticks beyond their patch".to_string(),
-        format!("{} / {}", s.patches_full, s.beyond_patch),
+        "steps: full patch / frozen rows at a rigid body; ticks beyond their patch".to_string(),
+        format!("{} / {}; {}", s.patches_full, s.frozen_at_rigid, s.beyond_patch),
     ]);
     table.add_row([
         "contacts dropped / factors refused".to_string(),

@@ -86,6 +86,8 @@ fn mistakes_name_file_line_and_remedy() {
         ("solve two.dat two.dat --out s.json", &["--out", "one FILE"]),
         ("solve two.dat --out absent/s.json", &["--out", "absent/s.json"]),
         ("solve", &["FILE"]),
+        ("solve two.dat --warm", &["--warm", "two.dat", "no forces"]),
+        ("run scene.toml --force", &["--save-problems"]),
     ];
     for (arguments, expected) in cases {
         let run = place.run(arguments);
@@ -97,25 +99,97 @@ fn mistakes_name_file_line_and_remedy() {
     }
 }
 
+/// Names of the files in a folder, sorted.
+fn names(place: &Place, folder: &str) -> Vec<String> {
+    let entries = std::fs::read_dir(place.path(folder)).unwrap();
+    let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+fn json(text: &str) -> serde_json::Value {
+    serde_json::from_str(text).unwrap_or_else(|e| panic!("{e}: {text}"))
+}
+
+/// Bits of an array of numbers.
+fn bits(array: &serde_json::Value) -> Vec<u64> {
+    array.as_array().unwrap().iter().map(|x| x.as_f64().unwrap().to_bits()).collect()
+}
+
+/// What a run solved is solved again from its file: to the same bits, by the scene's solver from the forces that it began
+/// with. Gauss-Seidel is deterministic, and its warm start ends sooner than a cold one.
 #[test]
-fn problems_of_a_run_are_saved_and_solved() {
-    let place = Place::new();
+fn problems_of_a_run_are_saved_and_solved_to_the_same_bits() {
+    let place = Place::with(&format!("{SCENE}\n[solver]\nkind = \"gauss_seidel\"\n"));
     let run = place.run("run scene.toml --lockstep --no-trace --quiet --save-problems problems");
     assert_eq!(run.code, Some(0), "{run:?}");
-    assert!(run.out.contains("contact problems saved in problems"), "{}", run.out);
-    let mut files: Vec<_> = std::fs::read_dir(place.path("problems")).unwrap().map(|e| e.unwrap().path()).collect();
-    files.sort();
-    assert!(files.len() > 5 && files.len() < 31, "the ball touches for a part of 30 steps: {}", files.len());
-    let last = files.last().unwrap().file_name().unwrap().to_str().unwrap();
-    assert!(last.starts_with("step-0000") && last.ends_with(".json"), "{last}");
-    let solved = place.run(&format!("solve problems/{last} --tol 1e-8"));
-    assert_eq!(solved.code, Some(0), "{solved:?}");
+    let files = names(&place, "problems");
+    assert!(run.out.contains(&format!("{} contact problems saved in problems", files.len())), "{}", run.out);
+    assert!(files.len() > 5 && files.len() < 31, "the ball touches for a part of 30 steps: {files:?}");
+    assert!(files.iter().all(|name| name.ends_with("-pass-00001.json")), "one problem a step: {files:?}");
+    let sweeps = |solution: &str| json(&place.text(solution))["report"]["iterations"].as_u64().unwrap();
+    let (mut warm, mut cold) = (0, 0);
+    for name in &files {
+        let file = json(&place.text(&format!("problems/{name}")));
+        let with = "--solver gauss_seidel --tol 1e-6 --max-iter 2000 --out";
+        let solved = place.run(&format!("solve problems/{name} --warm {with} warm.json"));
+        assert_eq!(solved.code, Some(0), "{solved:?}");
+        assert_eq!(bits(&json(&place.text("warm.json"))["lambda"]), bits(&file["lambda"]), "{name}");
+        assert_eq!(place.run(&format!("solve problems/{name} {with} cold.json")).code, Some(0));
+        (warm, cold) = (warm + sweeps("warm.json"), cold + sweeps("cold.json"));
+    }
+    assert!(warm < cold, "{warm} sweeps from the run's start, {cold} from none");
+
+    // The same problems from a second run, to the byte.
+    assert_eq!(place.run("run scene.toml --lockstep --no-trace --quiet --save-problems again").code, Some(0));
+    assert_eq!(names(&place, "again"), files);
+    assert!(files.iter().all(|f| place.read(&format!("problems/{f}")) == place.read(&format!("again/{f}"))));
+}
+
+/// Motion and forces of Newton's method take turns, explicit substeps have contact each: every problem is there.
+#[test]
+fn every_problem_of_a_step_has_its_file() {
+    for (integrator, least) in [("integrator = \"newton\"", 2), ("integrator = \"explicit\"", 20)] {
+        let place = Place::with(&SCENE.replace("density = 1060", &format!("density = 1060\n{integrator}")));
+        let run = place.run("run scene.toml --lockstep --steps 12 --no-trace --quiet --save-problems problems");
+        assert_eq!(run.code, Some(0), "{run:?}");
+        let files = names(&place, "problems");
+        let last = &files.last().unwrap()["step-".len()..][..6];
+        let passes: Vec<_> = files.iter().filter(|f| f[5..].starts_with(last)).collect();
+        assert!(passes.len() >= least, "{integrator}: {passes:?}");
+        for (k, name) in passes.iter().enumerate() {
+            assert_eq!(**name, format!("step-{last}-pass-{:05}.json", k + 1), "{integrator}");
+        }
+        assert_eq!(place.run(&format!("solve problems/{}", passes[0])).code, Some(0));
+    }
+}
+
+#[test]
+fn problems_of_two_runs_do_not_mix() {
+    let place = Place::new();
+    let save = |steps: u32, more: &str| {
+        place.run(&format!("run scene.toml --lockstep --steps {steps} --no-trace --quiet --save-problems p {more}"))
+    };
+    assert_eq!(save(15, "").code, Some(0));
+    place.write("p/notes.txt", "mine");
+    let (first, count) = (names(&place, "p")[1].clone(), names(&place, "p").len());
+    let refused = save(14, "");
+    assert_eq!(refused.code, Some(2), "{refused:?}");
+    for word in ["--save-problems p", "earlier run", &first, "--force"] {
+        assert!(refused.err.contains(word), "{word}: {}", refused.err);
+    }
+    assert_eq!(names(&place, "p").len(), count, "nothing is touched by a refusal");
+    assert_eq!(save(14, "--force").code, Some(0));
+    assert_eq!(names(&place, "p").len(), count - 1, "one step less");
+    assert_eq!(place.text("p/notes.txt"), "mine");
 
     // A folder that cannot be made is told before anything runs.
     place.write("file", "");
-    let refused = place.run("run scene.toml --lockstep --steps 2 --no-trace --save-problems file/problems");
-    assert_eq!(refused.code, Some(2), "{refused:?}");
-    assert!(refused.err.contains("--save-problems file/problems"), "{}", refused.err);
+    for folder in ["file", "file/problems"] {
+        let refused = place.run(&format!("run scene.toml --lockstep --steps 2 --no-trace --save-problems {folder}"));
+        assert_eq!(refused.code, Some(2), "{refused:?}");
+        assert!(refused.err.contains(&format!("--save-problems {folder}")), "{}", refused.err);
+    }
 }
 
 /// The scene's solver at step rate is chosen by name, and the answer is the same.

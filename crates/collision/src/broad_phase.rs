@@ -220,6 +220,16 @@ impl SurfaceGeometry {
         Some(SurfacePoint { triangle, point: x, normal, signed_distance })
     }
 
+    /// The triangle with the least `distance_squared` \[m²\] to `point`, among those whose boxes can hold it; none where
+    /// no triangle is finite.
+    pub fn nearest_triangle(
+        &self,
+        point: &Vector3<f64>,
+        distance_squared: impl FnMut(u32) -> f64,
+    ) -> Option<(u32, f64)> {
+        self.tree.nearest(point, distance_squared)
+    }
+
     /// True where a point lies inside the surface: its winding number exceeds one half.
     ///
     /// Visits every triangle (solid angle after Van Oosterom and Strackee 1983), so it is for set-up and rare events;

@@ -126,10 +126,24 @@ pub struct DetectionReport {
     pub tool_inside: bool,
 }
 
+impl DetectionReport {
+    /// Of a detection that found nothing.
+    pub const NONE: Self = Self {
+        candidates: 0,
+        contacts: 0,
+        wrong_side: 0,
+        merged: 0,
+        dropped: 0,
+        non_finite: 0,
+        deepest_gap: f64::INFINITY,
+        tool_inside: false,
+    };
+}
+
 /// Scratch memory of detection, sized for one surface at set-up.
 #[derive(Clone, Debug)]
 pub struct DetectionWorkspace {
-    features: Vec<Feature>,
+    pub(crate) features: Vec<Feature>,
     nodes: Visited,
     edges: Visited,
     hull: HullInWorld,
@@ -197,16 +211,7 @@ pub fn detect(
 ) -> DetectionReport {
     let touching = !out.contacts.is_empty();
     out.contacts.clear();
-    let mut report = DetectionReport {
-        candidates: 0,
-        contacts: 0,
-        wrong_side: 0,
-        merged: 0,
-        dropped: 0,
-        non_finite: surface.non_finite(),
-        deepest_gap: f64::INFINITY,
-        tool_inside: false,
-    };
+    let mut report = DetectionReport { non_finite: surface.non_finite(), ..DetectionReport::NONE };
     if !is_usable(&pose.translation.vector) || !pose.rotation.coords.iter().all(|x| x.is_finite()) {
         report.non_finite += 1;
         return report;
@@ -315,7 +320,7 @@ pub(crate) fn keep_faced(
 }
 
 /// Merges near-duplicates into the deepest of them and keeps the deepest contacts, ascending by feature.
-fn keep_deepest(
+pub(crate) fn keep_deepest(
     features: &mut Vec<Feature>,
     config: &DetectionConfig,
     contacts: &mut Vec<Contact>,

@@ -1,4 +1,4 @@
-//! Contacts between a tool and a deforming surface. Knows shapes and triangles, not physics.
+//! Contacts of tools and solids with a deforming surface, and of solids with one another. Knows shapes and triangles, not physics.
 
 pub mod broad_phase;
 pub mod contact;
@@ -9,6 +9,10 @@ pub mod hull;
 pub mod narrow_phase;
 pub mod patch;
 pub mod shape;
+pub mod solid;
+pub mod solid_contact;
+pub mod solid_detection;
+pub mod solid_mesh;
 pub mod tree;
 pub mod triangle;
 
@@ -17,3 +21,6 @@ pub use contact::{Contact, ContactSet};
 pub use detection::{ContactKind, DetectionConfig, DetectionReport, DetectionWorkspace, detect};
 pub use patch::{PatchConfig, PatchDetection, PatchGathering, PatchReport, SkinPatch};
 pub use shape::{ShapeError, ToolShape};
+pub use solid::{Solid, SolidError};
+pub use solid_contact::{SolidContact, meet};
+pub use solid_detection::detect_solid;

@@ -136,12 +136,14 @@ impl<'a, I> WarpedInverse<'a, I> {
 pub struct ComplianceWorkspace<W> {
     rotated: NodalRows,
     inverse: W,
+    /// The body's own part of `W`, before it is added.
+    own: Vec<f64>,
 }
 
 impl<W> ComplianceWorkspace<W> {
     /// Memory for `rows` rows of up to three nodes, and the inverse's own workspace.
     pub fn new(rows: usize, inverse: W) -> Self {
-        Self { rotated: NodalRows::with_capacity(rows, 3), inverse }
+        Self { rotated: NodalRows::with_capacity(rows, 3), inverse, own: vec![0.0; rows * rows] }
     }
 }
 
@@ -165,7 +167,7 @@ pub fn rotate_rows(rows: &mut NodalRows, rotations: &[Matrix3<f64>]) {
     rows.map_values(|node, value| rotations.get(node as usize).map_or(value, |r| r.tr_mul(&value)));
 }
 
-/// Assembles `W = h² H A⁻¹ Hᵀ` (m/N) of the rows for the step `dt` (s) into the `m x m` matrix `w`.
+/// Assembles `W = h² H A⁻¹ Hᵀ` (m/N) of one body's rows for the step `dt` (s) into the `m x m` matrix `w`.
 pub fn assemble<'w, I: InverseRows>(
     system: WarpedInverse<'_, I>,
     rows: &NodalRows,
@@ -173,23 +175,54 @@ pub fn assemble<'w, I: InverseRows>(
     w: impl Into<DMatrixViewMut<'w, f64>>,
     ws: &mut ComplianceWorkspace<I::Workspace>,
 ) -> ComplianceReport {
-    let (h2, mut w) = (dt * dt, w.into());
+    let mut w = w.into();
     if w.shape() != (rows.len(), rows.len()) {
         return ComplianceReport { rows: rows.len(), diagonal: [0.0; 2], asymmetry: 0.0, usable: false };
     }
-    let valid = match system.rotations {
-        None => system.inverse.compliance_into(rows, h2, w.as_view_mut(), &mut ws.inverse),
-        Some(rotations) => {
-            ws.rotated.clear();
-            for r in 0..rows.len() {
-                ws.rotated.push_row(rows.row(r));
-            }
-            rotate_rows(&mut ws.rotated, rotations);
-            system.inverse.compliance_into(&ws.rotated, h2, w.as_view_mut(), &mut ws.inverse)
-        }
-    };
-    let report = report(w.as_view());
+    let valid = write(system, rows, dt, w.as_view_mut(), &mut ws.rotated, &mut ws.inverse);
+    let report = judge(w.as_view());
     ComplianceReport { usable: report.usable && valid, ..report }
+}
+
+/// Adds what [`assemble`] would write to `w`; false where there is no valid inverse or no room.
+pub fn add<I: InverseRows>(
+    system: WarpedInverse<'_, I>,
+    rows: &NodalRows,
+    dt: f64,
+    w: &mut DMatrixViewMut<'_, f64>,
+    ws: &mut ComplianceWorkspace<I::Workspace>,
+) -> bool {
+    let m = rows.len();
+    let Some(own) = ws.own.get_mut(..m * m) else { return false };
+    if w.shape() != (m, m) {
+        return false;
+    }
+    let view = DMatrixViewMut::from_slice(&mut *own, m, m);
+    let valid = write(system, rows, dt, view, &mut ws.rotated, &mut ws.inverse);
+    for (mut column, own) in w.column_iter_mut().zip(own.chunks_exact(m.max(1))) {
+        column.iter_mut().zip(own).for_each(|(w, own)| *w += own);
+    }
+    valid
+}
+
+/// Writes `W` of one body; false where there is no valid inverse.
+fn write<I: InverseRows>(
+    system: WarpedInverse<'_, I>,
+    rows: &NodalRows,
+    dt: f64,
+    w: DMatrixViewMut<'_, f64>,
+    rotated: &mut NodalRows,
+    ws: &mut I::Workspace,
+) -> bool {
+    let Some(rotations) = system.rotations else {
+        return system.inverse.compliance_into(rows, dt * dt, w, ws);
+    };
+    rotated.clear();
+    for r in 0..rows.len() {
+        rotated.push_row(rows.row(r));
+    }
+    rotate_rows(rotated, rotations);
+    system.inverse.compliance_into(rotated, dt * dt, w, ws)
 }
 
 /// Correction `Δv = h A⁻¹ Hᵀ λ` [m/s] of the free nodes for the rows of the latest [`assemble`]; overwrites `delta_v`.
@@ -214,7 +247,8 @@ pub fn correct<I: InverseRows>(
     true
 }
 
-fn report(w: DMatrixView<'_, f64>) -> ComplianceReport {
+/// What a compliance matrix looks like.
+pub fn judge(w: DMatrixView<'_, f64>) -> ComplianceReport {
     let rows = w.nrows();
     let mut report = ComplianceReport { rows, diagonal: [0.0; 2], asymmetry: 0.0, usable: true };
     if rows == 0 {

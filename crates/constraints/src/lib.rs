@@ -1,5 +1,6 @@
 //! Contact laws, constraint rows `H`, `delta_free` and the compliance `W = h² H A⁻¹ Hᵀ`.
 
+pub mod body;
 pub mod compliance;
 pub mod condensed;
 pub mod frame;

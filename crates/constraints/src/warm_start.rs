@@ -8,10 +8,38 @@
 use std::ops::Range;
 
 use nalgebra::Vector3;
-use palpate_collision::Contact;
+use palpate_collision::{Contact, SolidContact};
 
 use crate::frame::ContactFrame;
 use crate::rows::{ContactRows, RowBlock};
+
+/// A contact whose force can be remembered.
+pub trait Remembered {
+    /// Identifies it from step to step.
+    fn feature(&self) -> u64;
+    /// Where it is \[m\].
+    fn point(&self) -> Vector3<f64>;
+}
+
+impl Remembered for Contact {
+    fn feature(&self) -> u64 {
+        self.feature
+    }
+
+    fn point(&self) -> Vector3<f64> {
+        self.tissue_point
+    }
+}
+
+impl Remembered for SolidContact {
+    fn feature(&self) -> u64 {
+        self.feature
+    }
+
+    fn point(&self) -> Vector3<f64> {
+        self.point
+    }
+}
 
 /// One remembered force.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,7 +50,7 @@ struct Entry {
     used: bool,
 }
 
-/// Forces of the step before between one tool and one body. State: a run that is to continue bit for bit saves it.
+/// Forces of the step before between one pair of bodies. State: a run that is to continue bit for bit saves it.
 #[derive(Clone, Debug)]
 pub struct WarmStart {
     entries: Vec<Entry>,
@@ -64,7 +92,13 @@ impl WarmStart {
     /// Remembers the row forces `λ` \[N\] of `blocks`, a range of `rows.blocks` that was built from `contacts`.
     ///
     /// Returns the number of forces beyond the capacity, which are forgotten. Forces that are not finite are too.
-    pub fn store(&mut self, contacts: &[Contact], rows: &ContactRows, blocks: Range<usize>, lambda: &[f64]) -> usize {
+    pub fn store<C: Remembered>(
+        &mut self,
+        contacts: &[C],
+        rows: &ContactRows,
+        blocks: Range<usize>,
+        lambda: &[f64],
+    ) -> usize {
         self.entries.clear();
         let mut forgotten = 0;
         for (block, frame) in part(rows, &blocks) {
@@ -72,14 +106,14 @@ impl WarmStart {
                 continue;
             };
             let force = frame.to_world(force);
-            if !force.iter().chain(contact.tissue_point.iter()).all(|x| x.is_finite()) {
+            if !force.iter().chain(contact.point().iter()).all(|x| x.is_finite()) {
                 continue;
             }
             if self.entries.len() == self.capacity {
                 forgotten += 1;
                 continue;
             }
-            self.entries.push(Entry { feature: contact.feature, point: contact.tissue_point, force, used: false });
+            self.entries.push(Entry { feature: contact.feature(), point: contact.point(), force, used: false });
         }
         self.entries.sort_unstable_by_key(|e| e.feature);
         forgotten
@@ -90,9 +124,9 @@ impl WarmStart {
     /// `blocks` is the range of `rows.blocks` that was built from `contacts`; a feature occurs in them at most once.
     ///
     /// `radius` \[m\] bounds the distance of a match by place. A force whose normal part would pull becomes zero.
-    pub fn fetch(
+    pub fn fetch<C: Remembered>(
         &mut self,
-        contacts: &[Contact],
+        contacts: &[C],
         rows: &ContactRows,
         blocks: Range<usize>,
         radius: f64,
@@ -108,9 +142,9 @@ impl WarmStart {
                 }
                 let Some(contact) = contacts.get(block.contact as usize) else { continue };
                 let found = match pass {
-                    Match::Feature => self.same_feature(contact.feature),
-                    Match::Place if self.same_feature(contact.feature).is_some() => continue,
-                    Match::Place => self.nearest(&contact.tissue_point, radius),
+                    Match::Feature => self.same_feature(contact.feature()),
+                    Match::Place if self.same_feature(contact.feature()).is_some() => continue,
+                    Match::Place => self.nearest(&contact.point(), radius),
                 };
                 let Some(entry) = found.and_then(|k| self.entries.get_mut(k)) else {
                     report.fresh += usize::from(pass == Match::Place);

@@ -8,7 +8,7 @@ use common::{DenseInverse, DenseWorkspace, free_nodes, patch, pose, spd};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use palpate_collision::{ContactKind, ContactSet, DetectionConfig, DetectionWorkspace, ToolShape, detect};
 use palpate_constraints::compliance::{ComplianceMethod, ComplianceWorkspace, WarpedInverse, assemble, correct};
-use palpate_constraints::rows::{ContactRows, RowInput, ToolMotion, build_rows};
+use palpate_constraints::rows::{ContactRows, Counterpart, RowInput, ToolMotion, build_rows};
 use palpate_constraints::warm_start::WarmStart;
 
 #[global_allocator]
@@ -43,8 +43,10 @@ fn a_contact_step_allocates_nothing() {
             free_of_node: &free,
             v_free: &v_free,
             dt: 0.03,
-            tool_reference: place.translation.vector,
-            tool_motion: ToolMotion::between(&at(f - 0.1), &place),
+            counterpart: Counterpart::Tool {
+                reference: place.translation.vector,
+                motion: ToolMotion::between(&at(f - 0.1), &place),
+            },
             friction: !k.is_multiple_of(3),
         };
         build_rows(&set.contacts, &input, &mut rows);

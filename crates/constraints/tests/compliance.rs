@@ -8,7 +8,7 @@ use palpate_collision::{ContactKind, ToolShape};
 use palpate_constraints::compliance::{
     ComplianceMethod, ComplianceWorkspace, WarpedInverse, assemble, correct, rotate_rows,
 };
-use palpate_constraints::rows::{ContactRows, RowInput, ToolMotion, build_rows};
+use palpate_constraints::rows::{ContactRows, Counterpart, RowInput, ToolMotion, build_rows};
 use palpate_fem::nodal_rows::NodalRows;
 
 const DT: f64 = 0.02;
@@ -24,8 +24,7 @@ fn contact_rows() -> (ContactRows, usize) {
         free_of_node: &free,
         v_free: &v_free,
         dt: DT,
-        tool_reference: place.translation.vector,
-        tool_motion: ToolMotion::none(),
+        counterpart: Counterpart::Tool { reference: place.translation.vector, motion: ToolMotion::none() },
         friction: true,
     };
     let mut rows = ContactRows::with_capacity(set.contacts.len());

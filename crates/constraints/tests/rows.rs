@@ -8,7 +8,9 @@ use palpate_collision::contact::{FeatureKind, feature_kind};
 use palpate_collision::narrow_phase::touch;
 use palpate_collision::{Contact, ContactKind, ContactSet, SurfaceGeometry, ToolShape};
 use palpate_constraints::frame::ContactFrame;
-use palpate_constraints::rows::{ContactRows, RowInput, ToolMotion, ToolRow, build_fixed_rows, build_rows};
+use palpate_constraints::rows::{
+    ContactRows, Counterpart, RowInput, ToolMotion, ToolRow, build_fixed_rows, build_rows,
+};
 use palpate_fem::sparse::FIXED;
 use proptest::prelude::*;
 
@@ -35,8 +37,7 @@ fn rows_of(
         free_of_node: free,
         v_free,
         dt: 0.03,
-        tool_reference: pose.translation.vector,
-        tool_motion: motion,
+        counterpart: Counterpart::Tool { reference: pose.translation.vector, motion },
         friction: true,
     };
     let mut rows = ContactRows::with_capacity(contacts.len());
@@ -227,8 +228,10 @@ fn delta_free_is_gap_and_slip_after_free_motion() {
         free_of_node: &free,
         v_free: &v_free,
         dt: 0.03,
-        tool_reference: place.translation.vector,
-        tool_motion: ToolMotion::between(&before, &place),
+        counterpart: Counterpart::Tool {
+            reference: place.translation.vector,
+            motion: ToolMotion::between(&before, &place),
+        },
         friction: true,
     };
     let mut rows = ContactRows::with_capacity(set.contacts.len());
@@ -268,8 +271,7 @@ fn fixed_nodes_capacity_and_bad_numbers_are_reported() {
         free_of_node: &free,
         v_free: &v_free,
         dt: 0.03,
-        tool_reference: place.translation.vector,
-        tool_motion: ToolMotion::none(),
+        counterpart: Counterpart::Tool { reference: place.translation.vector, motion: ToolMotion::none() },
         friction: false,
     };
     let mut rows = ContactRows::with_capacity(3);

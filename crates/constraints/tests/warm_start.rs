@@ -4,7 +4,7 @@ mod common;
 
 use nalgebra::Vector3;
 use palpate_collision::Contact;
-use palpate_constraints::rows::{ContactRows, RowInput, ToolMotion, build_rows};
+use palpate_constraints::rows::{ContactRows, Counterpart, RowInput, ToolMotion, build_rows};
 use palpate_constraints::warm_start::{WarmStart, WarmStartReport};
 
 fn contact(feature: u64, x: f64, normal: Vector3<f64>) -> Contact {
@@ -25,8 +25,7 @@ fn rows(contacts: &[Contact], friction: bool) -> ContactRows {
         free_of_node: &[0, 1, 2],
         v_free: &[0.0; 9],
         dt: 0.01,
-        tool_reference: Vector3::zeros(),
-        tool_motion: ToolMotion::none(),
+        counterpart: Counterpart::Tool { reference: Vector3::zeros(), motion: ToolMotion::none() },
         friction,
     };
     let mut rows = ContactRows::with_capacity(contacts.len());

@@ -4,14 +4,16 @@
 //! `ratio 90`: 90 full solves at once against `W 90`; `pcg`: one iteration, which is two products and a solve.
 //!
 //! `cargo run --release -p palpate-fem --example factor_times [repetitions] [least]`; with `least`, the least times instead, which a
-//! busy machine disturbs less.
+//! busy machine disturbs less. With the environment variable `ONLY`, instead of all that one line per body: `W` of 30 to 1,440
+//! rows, scattered and in a patch, factorisations and single solves by faer, in double and in single precision. On as many threads as `RAYON_NUM_THREADS` says, or two.
 #![allow(clippy::print_stdout)]
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
+use cpu_time::ThreadTime;
 use nalgebra::DMatrix;
-use palpate_fem::factor::{Factor, ReachWorkspace, SolveWorkspace, SymbolicFactor};
+use palpate_fem::factor::{Factor, LeftLookingFactor, ReachWorkspace, SolveWorkspace, SymbolicFactor};
 use palpate_fem::nodal_rows::NodalRows;
 use palpate_fem::ordering::approximate_minimum_degree;
 use palpate_fem::pcg::{PcgConfig, PcgWorkspace, pcg};
@@ -26,6 +28,8 @@ use factor_bodies::{Body, Random};
 struct Clock {
     repetitions: usize,
     least: bool,
+    /// On one thread, its processor time counts, which a busy machine disturbs less than the wall's.
+    alone: bool,
 }
 
 impl Clock {
@@ -34,9 +38,10 @@ impl Clock {
         work();
         let mut times: Vec<f64> = (0..self.repetitions)
             .map(|_| {
-                let start = Instant::now();
+                let (wall, cpu) = (Instant::now(), ThreadTime::now());
                 work();
-                1e3 * start.elapsed().as_secs_f64()
+                let elapsed: Duration = if self.alone { cpu.elapsed() } else { wall.elapsed() };
+                1e3 * elapsed.as_secs_f64()
             })
             .collect();
         times.sort_by(f64::total_cmp);
@@ -45,16 +50,22 @@ impl Clock {
 }
 
 fn main() {
+    let threads = std::env::var("RAYON_NUM_THREADS").ok().and_then(|n| n.parse().ok()).unwrap_or(2);
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads").install(|| run(threads == 1));
+}
+
+fn run(alone: bool) {
     let argument = |k: usize| std::env::args().nth(k);
     let repetitions = argument(1).and_then(|n| n.parse().ok()).unwrap_or(9).max(1);
-    let clock = Clock { repetitions, least: argument(2).is_some_and(|word| word == "least") };
+    let clock = Clock { repetitions, least: argument(2).is_some_and(|word| word == "least"), alone };
     println!(
-        "{:>14} {:>6} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>7} {:>8} {:>8} {:>8} {:>8}",
+        "{:>14} {:>6} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>7} {:>8} {:>8} {:>8} {:>8}",
         "body",
         "nodes",
         "nnz L",
         "nnz AMD",
         "analyse",
+        "faer",
         "factor",
         "Gflop/s",
         "solve 1",
@@ -72,6 +83,7 @@ fn main() {
         ("slab", [19, 15, 3]),
         ("cube", [13, 13, 15]),
         ("slab", [23, 19, 6]),
+        ("slab", [23, 19, 9]),
         ("cube", [19, 19, 20]),
         ("slab", [44, 35, 5]),
     ] {
@@ -88,7 +100,47 @@ fn main() {
             factor.refactor(&a);
         });
 
+        let mut yardstick = LeftLookingFactor::new(symbolic.clone(), &a).expect("the pattern is that of the body");
+        let left_looking = clock.time(|| {
+            yardstick.refactor(&a);
+        });
+
         let mut random = Random(3);
+        if std::env::var("ONLY").is_ok() {
+            for contacts in [10, 30, 100, 480] {
+                let rows = body.scattered_contact_rows(contacts, 4);
+                let near = body.contact_rows(contacts, 4);
+                let mut ws = ReachWorkspace::new(&symbolic, 3 * contacts);
+                let mut w = DMatrix::zeros(3 * contacts, 3 * contacts);
+                let t = clock.time(|| {
+                    let _ = factor.compliance_into(&rows, 1.0, &mut w, &mut ws);
+                });
+                let t_near = clock.time(|| {
+                    let _ = factor.compliance_into(&near, 1.0, &mut w, &mut ws);
+                });
+                print!("W {}: {t:.2} {t_near:.2}  ", 3 * contacts);
+            }
+            let mut ws = SolveWorkspace::with_columns(&symbolic, 2);
+            let mut x = random.vector(3 * n);
+            let double = clock.time(|| {
+                let _ = factor.solve(&mut x, &mut ws);
+            });
+            let mut rounded = Factor::with_single_precision_copy(symbolic.clone());
+            rounded.refactor(&a);
+            let single = clock.time(|| {
+                let _ = rounded.precondition(&mut x, &mut ws);
+            });
+            let mut y = x.clone();
+            let faer = clock.time(|| {
+                let _ = factor.solve_columns(&mut y, &mut ws);
+            });
+            if std::env::var("ONLY").is_ok() {
+                println!(
+                    "{n} faer {left_looking:.1} own {factorisation:.1} solve: faer {faer:.2} own {double:.2} single {single:.2}"
+                );
+                continue;
+            }
+        }
         let full: Vec<f64> = [1, 30, 90]
             .iter()
             .map(|&columns| {
@@ -125,12 +177,13 @@ fn main() {
             pcg(&a, &b, &mut x, &mut preconditioner, PcgConfig::default(), &mut iteration);
         });
         println!(
-            "{:>14} {:>6} {:>9} {:>9} {:>8.1} {:>8.1} {:>8.1} {:>8.2} {:>8.1} {:>8.1} {:>8.2} {:>7.2} {:>8.2} {:>8.1} {:>8.2} {:>8.2}",
+            "{:>14} {:>6} {:>9} {:>9} {:>8.1} {:>8.1} {:>8.1} {:>8.1} {:>8.2} {:>8.1} {:>8.1} {:>8.2} {:>7.2} {:>8.2} {:>8.1} {:>8.2} {:>8.2}",
             format!("{name} {}", symbolic.supernode_count()),
             n,
             symbolic.nonzeros(),
             amd.nonzeros(),
             analyse,
+            left_looking,
             factorisation,
             symbolic.flops() / factorisation * 1e-6,
             full[0],

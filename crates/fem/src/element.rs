@@ -121,29 +121,3 @@ pub const UNIT: Tetrahedron = Tetrahedron {
     inverse_rest_edges: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
     volume: 1.0 / 6.0,
 };
-
-/// Forces and blocks of one element, to be summed over the body.
-pub(crate) trait NodalShares {
-    /// Nodes of the element.
-    const NODES: usize;
-
-    /// Force of local node `a` (N).
-    fn force(&self, a: usize) -> Vector3<f64>;
-
-    /// Block number `k` of those on and above the diagonal, by rows (N/m).
-    fn upper(&self, k: usize) -> Matrix3<f64>;
-}
-
-impl NodalShares for ElementMatrices {
-    const NODES: usize = 4;
-
-    #[inline]
-    fn force(&self, a: usize) -> Vector3<f64> {
-        ElementMatrices::force(self, a)
-    }
-
-    #[inline]
-    fn upper(&self, k: usize) -> Matrix3<f64> {
-        ElementMatrices::upper(self, k)
-    }
-}

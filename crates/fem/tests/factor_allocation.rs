@@ -17,14 +17,15 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 
 #[test]
 fn run_paths_allocate_nothing() {
-    let body = Body::block([7, 6, 6], 1);
+    // large enough that fronts, solves and rows are cut into tasks
+    let body = Body::block([9, 9, 9], 1);
     let n = body.free_nodes();
     let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
-    let mut factor = Factor::new(symbolic.clone());
+    let mut factor = Factor::with_single_precision_copy(symbolic.clone());
     let matrices = [body.system(2), body.system(3)];
     let mut indefinite = body.system(4);
     indefinite.blocks[0] = -Matrix3::identity();
-    let rows = [body.contact_rows(10, 5), body.contact_rows(30, 6), body.contact_rows(3, 7)];
+    let rows = [body.contact_rows(10, 5), body.scattered_contact_rows(30, 6), body.contact_rows(3, 7)];
     let rotations = vec![Matrix3::identity(); n];
     let mut w = DMatrix::zeros(90, 90);
     let mut reach = ReachWorkspace::new(&symbolic, 90);
@@ -37,44 +38,47 @@ fn run_paths_allocate_nothing() {
     let mut many = Random(10).vector(3 * n * 4);
 
     // on one rayon worker, as on the step thread: work that is handed to a pool from outside allocates queue blocks
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    let violations = pool.install(|| {
-        let mut round = |k: usize| {
-            assert_no_alloc(|| {
-                let a = &matrices[k % 2];
-                let statuses = [
-                    factor.refactor(&indefinite).status != FactorStatus::Ok,
-                    factor.refactor(&matrices[0]).status == FactorStatus::Ok,
-                    factor.solve(&mut x, &mut solve).is_ok(),
-                    factor.solve_columns(&mut many, &mut solve).is_ok(),
-                ];
-                let rows = &rows[k % 3];
-                let m = rows.len();
-                let report = factor.compliance_into(rows, 1e-3, w.view_mut((0, 0), (m, m)), &mut reach);
-                let corrected = factor.correct(&lambda[..m], &mut x, &mut reach).is_ok();
-                let mut warped = WarpedPreconditioner { factor: &factor, rotations: &rotations, workspace: &mut solve };
-                let warped = pcg(a, &b, &mut x, &mut warped, PcgConfig::default(), &mut iteration);
-                x.fill(0.0);
-                let mut plain = FactorPreconditioner { factor: &factor, workspace: &mut solve };
-                let plain = pcg(a, &b, &mut x, &mut plain, PcgConfig::default(), &mut iteration);
-                x.fill(0.0);
-                let replaced = jacobi.update(a);
-                let jacobi = pcg(a, &b, &mut x, &mut jacobi, PcgConfig::default(), &mut iteration);
-                statuses == [true; 4]
-                    && report.status == ReachStatus::Ok
-                    && corrected
-                    && warped.status == PcgStatus::Converged
-                    && plain.status == PcgStatus::Converged
-                    && replaced == 0
-                    && jacobi.iterations > 10
-            })
-        };
-        assert!((0..3).all(&mut round), "a stage failed while warming up");
-        reset_violation_count();
-        assert!((0..12).all(round), "a stage failed");
-        violation_count()
-    });
-    assert_eq!(violations, 0);
+    for threads in [1, 2] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let violations = pool.install(|| {
+            let mut round = |k: usize| {
+                assert_no_alloc(|| {
+                    let a = &matrices[k % 2];
+                    let statuses = [
+                        factor.refactor(&indefinite).status != FactorStatus::Ok,
+                        factor.refactor(&matrices[0]).status == FactorStatus::Ok,
+                        factor.solve(&mut x, &mut solve).is_ok(),
+                        factor.solve_columns(&mut many, &mut solve).is_ok(),
+                    ];
+                    let rows = &rows[k % 3];
+                    let m = rows.len();
+                    let report = factor.compliance_into(rows, 1e-3, w.view_mut((0, 0), (m, m)), &mut reach);
+                    let corrected = factor.correct(&lambda[..m], &mut x, &mut reach).is_ok();
+                    let mut warped =
+                        WarpedPreconditioner { factor: &factor, rotations: &rotations, workspace: &mut solve };
+                    let warped = pcg(a, &b, &mut x, &mut warped, PcgConfig::default(), &mut iteration);
+                    x.fill(0.0);
+                    let mut plain = FactorPreconditioner { factor: &factor, workspace: &mut solve };
+                    let plain = pcg(a, &b, &mut x, &mut plain, PcgConfig::default(), &mut iteration);
+                    x.fill(0.0);
+                    let replaced = jacobi.update(a);
+                    let jacobi = pcg(a, &b, &mut x, &mut jacobi, PcgConfig::default(), &mut iteration);
+                    statuses == [true; 4]
+                        && report.status == ReachStatus::Ok
+                        && corrected
+                        && warped.status == PcgStatus::Converged
+                        && plain.status == PcgStatus::Converged
+                        && replaced == 0
+                        && jacobi.iterations > 10
+                })
+            };
+            assert!((0..3).all(&mut round), "a stage failed while warming up");
+            reset_violation_count();
+            assert!((0..12).all(round), "a stage failed");
+            violation_count()
+        });
+        assert_eq!(violations, 0, "{threads} threads");
+    }
 
     // the counter does count
     reset_violation_count();

@@ -122,3 +122,38 @@ fn half_solves_are_not_mixed_with_another_factor() {
     assert_eq!(factor.refactor(&other.system(2)).status, FactorStatus::OtherPattern);
     assert!(factor.is_valid(), "a matrix of another body leaves the factor as it was");
 }
+
+/// More rows than one block holds, near each other and far apart.
+#[test]
+fn many_rows_are_exact_and_have_the_same_bits_on_any_number_of_threads() {
+    let body = Body::block([6, 6, 5], 1);
+    let a = body.system(2);
+    let factor = factored(&body, &a);
+    let inverse = dense(&a).cholesky().unwrap().inverse();
+    let mut workspace = ReachWorkspace::new(factor.symbolic(), 210);
+    for (contacts, scattered) in [(22, false), (43, true), (70, true), (65, false)] {
+        let rows = if scattered { body.scattered_contact_rows(contacts, 3) } else { body.contact_rows(contacts, 3) };
+        let h = dense_rows(&rows, body.free_nodes());
+        let exact = &h * &inverse * h.transpose();
+        let lambda = Random(5).vector(rows.len());
+        let mut results = [1, 2, 4].map(|threads| {
+            rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+                let mut w = DMatrix::zeros(rows.len(), rows.len());
+                let mut x = vec![0.0; 3 * body.free_nodes()];
+                assert_eq!(factor.compliance_into(&rows, 1.0, &mut w, &mut workspace).status, ReachStatus::Ok);
+                assert!(factor.correct(&lambda, &mut x, &mut workspace).is_ok());
+                (w, x)
+            })
+        });
+        let (w, x) = &results[0];
+        assert!((w - &exact).norm() < 1e-12 * exact.norm());
+        assert_eq!(w, &w.transpose());
+        let mut full = vec![0.0; x.len()];
+        rows.add_transposed(&lambda, &mut full);
+        assert!(factor.solve(&mut full, &mut SolveWorkspace::new(factor.symbolic())).is_ok());
+        assert!(relative_difference(x, &full) < 1e-12);
+        assert!(results[1] == results[0] && results[2] == results[0]);
+        results[0].0[(1, 0)] += f64::EPSILON * results[0].0[(1, 0)].abs().max(1e-300);
+        assert!(results[1] != results[0], "the comparison sees one bit");
+    }
+}

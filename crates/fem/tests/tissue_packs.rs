@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Rotation3, SMatrix, Vector3};
 use palpate_fem::{
     element::{ElementMatrices, Tetrahedron, UPPER},
     material::{BatchReport, Law, Material},
-    pack::{PACK, Pack, PackMatrices},
+    pack::{DeformedPack, PACK, Pack, PackMatrices},
 };
 use tissue_setup::{Random, all_materials};
 
@@ -213,6 +213,50 @@ fn an_element_that_is_not_a_number_is_named_and_leaves_its_neighbours_alone() {
             q[4 * 5 + 2].y = f64::INFINITY;
             assert_eq!(packed(&law, &elements, &q, filter).1.non_finite, Some(5), "{} filter {filter}", law.name());
             q[4 * 5 + 2].y = kept;
+        }
+    }
+}
+
+#[test]
+fn packs_under_pressure_answer_as_one_element_at_a_time() {
+    let pressures = [0.0, 1e3, -1e3, 5e4, -5e4, 10.0, -3e3, 2e4];
+    for (name, F) in deformations() {
+        let (elements, q) = elements(PACK, |_| F);
+        let pack = Pack::new(&elements).expect("eight elements");
+        let at = DeformedPack { pressure: Some(&pressures), ..pack.at(&q) };
+        for law in all_materials(5e3, 0.45).iter().filter_map(|law| Some(law.without_bulk()?.0)) {
+            for filter in [false, true] {
+                let mut out = PackMatrices::ZERO;
+                law.pack(&at, filter, &mut out);
+                let mut forces = PackMatrices::ZERO;
+                law.pack_forces(&at, &mut forces);
+                let energies = law.pack_energies(&at);
+                for (lane, element) in elements.iter().enumerate() {
+                    let mut expected = ElementMatrices::ZERO;
+                    let edges = element.edges(&q);
+                    let filtered = law.element_under_pressure(element, &edges, pressures[lane], filter, &mut expected);
+                    assert_eq!(filtered, Some(out.filtered[lane] > 0.0), "{} {name}, lane {lane}", law.name());
+                    let expected = sorted(&element.nodes, &expected);
+                    let difference = sorted(&[0, 1, 2, 3], &out.element(lane)) - expected;
+                    let size = expected.columns(1, 12).amax();
+                    // As without pressure.
+                    assert!(
+                        difference.columns(1, 12).amax() < 1e-12 * size
+                            && difference.column(0).amax() < 1e-12 * size * 0.02,
+                        "{} {name}, filter {filter}, lane {lane}: {:e}",
+                        law.name(),
+                        difference.amax() / size
+                    );
+                    for c in 0..3 {
+                        for (with, alone) in out.forces.iter().zip(&forces.forces) {
+                            assert!((with[c][lane] - alone[c][lane]).abs() < 1e-12 * size * 0.02, "{}", law.name());
+                        }
+                    }
+                    let F = element.deformation_gradient(&q);
+                    let energy = element.volume * (law.energy_density(&F) + pressures[lane] * F.determinant());
+                    assert!((energies[lane] - energy).abs() <= 1e-12 * (1e4 * element.volume + energy.abs()));
+                }
+            }
         }
     }
 }

@@ -3,15 +3,16 @@
 
 mod tissue_setup;
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 use palpate_fem::{
     assembly::{Coefficients, elastic_energy},
     assembly::{FemWorkspace, advance_memory, assemble, assemble_with, incremental_energy, internal_forces},
+    element::{ElementKind, quadratic::POINTS},
     material::{Law, Material, MaterialError, PronyTerm},
     mesh::TetMesh,
     model::{FemConfig, FemError, FemModel, FemState},
 };
-use tissue_setup::{Random, all_materials, block, dense};
+use tissue_setup::{Random, all_materials, block, dense, laws_for, mesh_for};
 
 /// The liver's series [Marchesseau 2010].
 const LIVER: [PronyTerm; 2] = [PronyTerm { modulus: 0.235, time: 0.27 }, PronyTerm { modulus: 0.333, time: 0.03 }];
@@ -24,14 +25,25 @@ fn mesh() -> TetMesh {
 }
 
 fn model_of(material: Material, viscosity: &[PronyTerm], filter: bool) -> FemModel {
+    model_by(ElementKind::Linear, material, viscosity, filter)
+}
+
+fn model_by(element: ElementKind, material: Material, viscosity: &[PronyTerm], filter: bool) -> FemModel {
     let config = FemConfig {
+        element,
         material,
         viscosity: viscosity.to_vec(),
         gravity: Vector3::zeros(),
         filter,
         ..FemConfig::default()
     };
-    FemModel::new(&mesh(), &config).unwrap()
+    FemModel::new(&mesh_for(&mesh(), element), &config).unwrap()
+}
+
+/// Every kind of element with every law that it takes and that takes viscosity.
+fn viscous_kinds() -> impl Iterator<Item = (ElementKind, Material)> {
+    let laws = |kind| laws_for(kind, YOUNG, POISSON).into_iter().filter(Law::is_frame_indifferent);
+    ElementKind::ALL.into_iter().flat_map(move |kind| laws(kind).map(move |law| (kind, law)))
 }
 
 fn viscous_laws() -> impl Iterator<Item = Material> {
@@ -228,16 +240,18 @@ fn rigid_motion_adds_no_stress_and_turns_what_there_is() {
 #[test]
 fn force_and_tangent_of_a_step_are_derivatives_of_its_energy() {
     let mut random = Random(43);
-    for material in viscous_laws() {
-        let model = model_of(material, &LIVER, false);
+    for (kind, material) in viscous_kinds() {
+        let model = model_by(kind, material, &LIVER, false);
         let mut ws = FemWorkspace::new(&model);
         let mut state = model.rest_state();
         deform(&model, &(Matrix3::identity() + Matrix3::from_fn(|_, _| 0.3 * random.symmetric())), &mut state);
         advance_memory(&model, &mut state, 0.05);
         let dt = 0.02;
         ws.dt = dt;
+        // A tenth of the distance between nodes.
+        let size = if kind == ElementKind::Quadratic { 0.005 } else { 0.01 };
         for q in &mut state.q {
-            *q += random.vector() * 0.01;
+            *q += random.vector() * size;
         }
         let direction: Vec<Vector3<f64>> = state.q.iter().map(|_| random.vector()).collect();
         assemble_with(&model, &state, Coefficients::STATIC, &[], &mut ws);
@@ -257,12 +271,57 @@ fn force_and_tangent_of_a_step_are_derivatives_of_its_energy() {
         let work: f64 = f.iter().zip(&direction).map(|(f, d)| f.dot(d)).sum();
         let size: f64 = f.iter().map(Vector3::norm).sum();
         // Central differences of step 1e-6 m on elements of 0.1 m: 1e-10 by truncation, as much by rounding.
-        assert!(((behind - ahead) / (2.0 * h) - work).abs() < 1e-7 * size, "{} {work}", material.name());
+        assert!(((behind - ahead) / (2.0 * h) - work).abs() < 1e-7 * size, "{kind:?} {} {work}", material.name());
         for i in 0..model.nodes() {
             let difference = (f_behind[i] - f_ahead[i]) / (2.0 * h);
             let exact: Vector3<f64> =
                 (0..model.nodes()).map(|j| K.fixed_view::<3, 3>(3 * i, 3 * j) * direction[j]).sum();
-            assert!((difference - exact).norm() < 1e-7 * K.amax(), "{} node {i}", material.name());
+            assert!((difference - exact).norm() < 1e-7 * K.amax(), "{kind:?} {} node {i}", material.name());
+        }
+    }
+}
+
+#[test]
+fn every_point_of_quadrature_remembers_its_own_stress() {
+    let mut random = Random(59);
+    let dt = 0.02;
+    for (kind, material) in viscous_kinds().filter(|(kind, _)| *kind != ElementKind::Averaged) {
+        let model = model_by(kind, material, &LIVER, false);
+        let mut state = model.rest_state();
+        for _ in 0..2 {
+            state.q.iter_mut().for_each(|q| *q += random.vector() * 0.003);
+            advance_memory(&model, &mut state, 0.05);
+        }
+        state.q.iter_mut().for_each(|q| *q += random.vector() * 0.003);
+        let mut ws = FemWorkspace::new(&model);
+        ws.dt = dt;
+        internal_forces(&model, &state, &mut ws);
+
+        // From the equations alone: P = relaxed law - F Γ, f_i = -Σ w P ∇N_i.
+        let share: f64 = LIVER.iter().map(|t| t.modulus * dt / (dt + t.time)).sum();
+        let law = material.relaxed(share);
+        let mut expected = vec![Vector3::zeros(); model.nodes()];
+        let mut histories = state.memory.chunks_exact(LIVER.len());
+        let mut add = |nodes: &[u32], gradients: &[Vector3<f64>], weight: f64| {
+            let history = histories.next().expect("one for each point").iter().zip(LIVER);
+            let s: Vector6<f64> = history.map(|(s, t)| s * (t.time / (dt + t.time))).sum();
+            let memory = Matrix3::new(s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2]);
+            let F: Matrix3<f64> = nodes.iter().zip(gradients).map(|(&i, g)| state.q[i as usize] * g.transpose()).sum();
+            let P = law.first_piola(&F) - F * memory;
+            nodes.iter().zip(gradients).for_each(|(&i, g)| expected[i as usize] -= P * g * weight);
+        };
+        if kind == ElementKind::Quadratic {
+            for element in model.quadratic_elements() {
+                (0..POINTS).for_each(|k| add(&element.nodes, &element.gradients(k), element.weights[k]));
+            }
+        } else {
+            for element in model.elements() {
+                add(&element.nodes, &element.shape_vectors(), element.volume);
+            }
+        }
+        let largest = expected.iter().map(Vector3::norm).fold(0.0, f64::max);
+        for (ours, expected) in ws.f_int.iter().zip(&expected) {
+            assert!((ours - expected).norm() < 1e-11 * largest, "{kind:?} {}: {ours} {expected}", material.name());
         }
     }
 }
@@ -271,8 +330,8 @@ fn force_and_tangent_of_a_step_are_derivatives_of_its_energy() {
 fn the_filter_makes_the_tangent_of_viscous_elements_semidefinite() {
     let mut random = Random(47);
     let mut filtered = 0;
-    for material in viscous_laws() {
-        let model = model_of(material, &LIVER, true);
+    for (kind, material) in viscous_kinds() {
+        let model = model_by(kind, material, &LIVER, true);
         let mut ws = FemWorkspace::new(&model);
         for _ in 0..10 {
             let mut state = model.rest_state();
@@ -286,7 +345,7 @@ fn the_filter_makes_the_tangent_of_viscous_elements_semidefinite() {
                 filtered += report.filtered;
                 let K = dense(&ws);
                 let least = ((&K + K.transpose()) * 0.5).symmetric_eigenvalues().min();
-                assert!(least > -1e-8 * K.amax(), "{} {least:e}", material.name());
+                assert!(least > -1e-8 * K.amax(), "{kind:?} {} {least:e}", material.name());
                 advance_memory(&model, &mut state, 0.1);
             }
         }
@@ -318,11 +377,17 @@ fn elements_that_were_flat_or_inverted_remember_something_finite() {
 
 #[test]
 fn the_memory_is_state_and_the_same_for_any_number_of_threads() {
-    let mut mesh = block([3, 3, 3], [0.1; 3], 0.2);
+    ElementKind::ALL.into_iter().for_each(memory_is_state);
+}
+
+fn memory_is_state(kind: ElementKind) {
+    let mut mesh = mesh_for(&block([3, 3, 3], [0.1; 3], 0.2), kind);
+    let points = if kind == ElementKind::Quadratic { POINTS } else { 1 };
     mesh.region_names = vec!["soft".into(), "stiff".into(), "elastic".into()];
     mesh.regions = (0..mesh.tetrahedra.len()).map(|t| (t % 3) as u16).collect();
     let material = |young| Material::from_young_poisson("mooney_rivlin", young, 0.45).unwrap();
     let config = FemConfig {
+        element: kind,
         material: material(5e3),
         viscosity: LIVER.to_vec(),
         region_materials: [("stiff".to_string(), material(2e4))].into(),
@@ -334,7 +399,7 @@ fn the_memory_is_state_and_the_same_for_any_number_of_threads() {
             let model = FemModel::new(&mesh, &config).unwrap();
             let mut state = model.rest_state();
             // Two terms in the first third, one in the second, none in the last.
-            assert_eq!(state.memory.len(), mesh.tetrahedra.len());
+            assert_eq!(state.memory.len(), points * mesh.tetrahedra.len());
             let mut ws = FemWorkspace::new(&model);
             let mut random = Random(53);
             for _ in 0..5 {

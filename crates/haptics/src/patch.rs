@@ -4,22 +4,23 @@
 //! x = q_free + C f                   m, position of the nodes under nodal contact forces f (N)
 //! C = h² S A⁻¹ Sᵀ                    m/N, 3 × 3 blocks; S picks the patch's nodes; zero for nodes that are held fixed
 //! ```
-//! `force` is f as the step found it. `q_free` is where that leaves the nodes: the step's end less C f, so that the patch is
+//! `force` is f of the tool as the step found it. `q_free` is where that leaves the nodes: the step's end less C f, so that the patch is
 //! tangent to the step's own answer, whatever method and however old a factor gave C.
 //!
-//! Rows of the scene that do not touch the tool are no part of a patch; those that are closed are condensed into C
-//! ([`palpate_constraints::condensed`]).
+//! Rows of the scene that do not touch the tool are no part of a patch: their forces are in `q_free`, and those that are
+//! closed are condensed into C ([`palpate_constraints::condensed`]).
 
 use nalgebra::Vector3;
 use palpate_collision::SkinPatch;
+use palpate_constraints::law::{Law, Signorini};
 
 /// Skin and compliance around a tool.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HapticPatch {
     /// Whether the tick is to work on it; otherwise it has the snapshot's frozen rows.
     pub valid: bool,
-    /// Coefficient of Coulomb friction; 0 leaves one row a contact.
-    pub friction: f64,
+    /// The law of every contact.
+    pub law: Law,
     /// Triangles near the tool that found no room.
     pub left_out: u32,
     skin: SkinPatch,
@@ -34,7 +35,7 @@ impl HapticPatch {
     pub fn new(max_nodes: usize) -> Self {
         Self {
             valid: false,
-            friction: 0.0,
+            law: Signorini.into(),
             left_out: 0,
             skin: SkinPatch::new(max_nodes),
             q_free: vec![Vector3::zeros(); max_nodes],
@@ -52,7 +53,7 @@ impl HapticPatch {
     /// Takes everything out and marks the patch as not valid.
     pub fn clear(&mut self) {
         self.skin.clear();
-        (self.valid, self.friction, self.left_out) = (false, 0.0, 0);
+        (self.valid, self.law, self.left_out) = (false, Signorini.into(), 0);
     }
 
     /// Its triangles and nodes.
@@ -165,7 +166,7 @@ impl HapticPatch {
         if other.len() > self.max_nodes() || !self.skin.copy_from(&other.skin) {
             return false;
         }
-        (self.valid, self.friction, self.left_out) = (other.valid, other.friction, other.left_out);
+        (self.valid, self.law, self.left_out) = (other.valid, other.law, other.left_out);
         self.q_free_mut().copy_from_slice(other.q_free());
         self.force_mut().copy_from_slice(other.force());
         self.compliance_mut().copy_from_slice(other.compliance());

@@ -64,7 +64,7 @@ impl TickFlags {
 
     /// The bits.
     #[must_use]
-    pub fn bits(self) -> u32 {
+    pub const fn bits(self) -> u32 {
         self.0
     }
 

@@ -1,35 +1,63 @@
 //! The three stages of a run and what lies between them: made once, then moved to threads or driven in lockstep.
 
 use nalgebra::Isometry3;
+use palpate_haptics::device::DeviceSpec;
 use palpate_haptics::exchange::{Reader, Writer, latest};
 use palpate_haptics::snapshot::HapticSnapshot;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::gathering::Gathering;
 use crate::problem_files::ProblemFiles;
-use crate::record::{FactorLine, StepLine, TraceLines};
+use crate::record::{FactorLine, StepLine, TickLine, TraceLines};
 use crate::refresh::{FactorSample, Refresh, RefreshPort, RefreshWatch, refresh};
 use crate::run::{RunError, RunOptions, RunOutcome};
 use crate::settle::settle;
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, step};
+use crate::summary::RigidEnd;
 use crate::tick::Ticker;
 use crate::world::World;
 
-/// All stages of a run.
-pub(crate) struct Engine<'w> {
+/// All stages of a run. `T` is the tick: with its device, or () where it has been split off.
+pub(crate) struct Engine<'w, T = Ticker> {
     pub(crate) world: &'w World,
     pub(crate) stage: StepStage<'w>,
     /// None where the plan starts no factor stage.
     pub(crate) refresh: Option<Refresh>,
     pub(crate) refresh_trace: FactorLine,
-    pub(crate) ticker: Ticker,
+    pub(crate) ticker: T,
     pub(crate) trace: Option<TraceLines>,
     pub(crate) notes: Vec<String>,
+}
+
+/// What the tick reads and writes: snapshots, tool poses, the trace.
+pub(crate) struct TickEnds {
+    pub(crate) snapshots: Reader<HapticSnapshot>,
+    pub(crate) poses: Writer<Isometry3<f64>>,
+    pub(crate) line: TickLine,
 }
 
 impl<'w> Engine<'w> {
     /// Settles the body, factors its first matrix, opens device and trace.
     pub(crate) fn new(world: &'w World, options: &RunOptions) -> Result<Self, RunError> {
+        let mut device = crate::devices::device(world.scene())?;
+        let spec = device.spec().clone();
+        let first = crate::devices::first_pose(world, device.as_mut());
+        Self::with_tick(world, options, &spec, first, |ends| {
+            Ticker::new(world, device, ends.snapshots, ends.poses, ends.line)
+        })
+    }
+}
+
+impl<'w, T> Engine<'w, T> {
+    /// Settles the body, factors its first matrix, opens the trace; `make` makes the tick on a device of this record. The
+    /// first step has the tool at `first`.
+    pub(crate) fn with_tick(
+        world: &'w World,
+        options: &RunOptions,
+        device: &DeviceSpec,
+        first: Isometry3<f64>,
+        make: impl FnOnce(TickEnds) -> Result<T, RunError>,
+    ) -> Result<Self, RunError> {
         let mut notes = Vec::new();
         let (rest, settled) = settle(world);
         if let Some(report) = settled.filter(|report| !report.is_converged()) {
@@ -37,25 +65,28 @@ impl<'w> Engine<'w> {
             notes.push(format!("the body did not settle under gravity; it begins at rest under {share:.1} % of it"));
         }
         let mut ws = StepWorkspace::new(world);
-        let first = FactorSample::first(world, &rest, &mut ws)?;
+        let factor = FactorSample::first(world, &rest, &mut ws)?;
         let (port, refresh) = if world.plan().has_factor_thread() {
-            let (port, refresh) = refresh(&first, &ws.fem.system);
+            let (port, refresh) = refresh(&factor, &ws.fem.system);
             (port, Some(refresh))
         } else {
-            (RefreshPort::fixed(first), None)
+            (RefreshPort::fixed(factor), None)
         };
-        let pose = world.first_pose();
-        let (pose_writer, pose_reader) = latest(&pose);
-        let (snapshot_writer, snapshot_reader) = latest(&world.empty_snapshot());
-        let device = crate::devices::device(world.description()).map_err(|e| RunError::Device(e.to_string()))?;
-        let (step_line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, &mut notes)?;
-        let ticker = Ticker::new(world, device, snapshot_reader, pose_writer, tick_line)?;
+        let (pose_writer, poses) = latest(&first);
+        let (snapshots, snapshot_reader) = latest(&world.empty_snapshot());
+        let (line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, device, &mut notes)?;
+        let ticker = make(TickEnds { snapshots: snapshot_reader, poses: pose_writer, line: tick_line })?;
         let state = StepState::new(world, rest);
-        let problems = options.problems.clone().map(ProblemFiles::new);
-        let (snapshots, poses, line) = (snapshot_writer, pose_reader, step_line);
+        ws.problem_files = options.problems.clone().map(ProblemFiles::new);
         let watch = RefreshWatch::new(world.plan().accuracy);
-        let stage = StepStage { world, state, ws, port, watch, urged: false, snapshots, poses, line, problems };
+        let stage = StepStage { world, state, ws, port, watch, urged: false, snapshots, poses, line };
         Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes })
+    }
+
+    /// The tick, and all the rest.
+    pub(crate) fn split(self) -> (T, Engine<'w, ()>) {
+        let Self { world, stage, refresh, refresh_trace, ticker, trace, notes } = self;
+        (ticker, Engine { world, stage, refresh, refresh_trace, ticker: (), trace, notes })
     }
 
     /// In lockstep, writes the records that wait for the trace.
@@ -68,9 +99,12 @@ impl<'w> Engine<'w> {
     /// Ends the trace and sums the run up. `wall` is the time it took in real time (s).
     pub(crate) fn finish(self, mut gathering: Gathering, wall: Option<f64>) -> RunOutcome {
         gathering.notes.splice(0..0, self.notes);
-        gathering.notes.extend(self.stage.problems.as_ref().map(ProblemFiles::note));
+        gathering.notes.extend(gathering.device_note());
+        gathering.notes.extend(self.stage.ws.problem_files.as_ref().map(ProblemFiles::note));
         let trace = self.trace.map(|trace| trace.finish(&gathering));
-        RunOutcome { summary: gathering.summary(self.world, wall, trace), state: self.stage.state.fem }
+        let mut summary = gathering.summary(self.world, wall, trace);
+        summary.rigid_bodies = RigidEnd::all(self.world, &self.stage.state.rigid);
+        RunOutcome { summary, state: self.stage.state.fem }
     }
 }
 
@@ -94,7 +128,6 @@ pub(crate) struct StepStage<'w> {
     snapshots: Writer<HapticSnapshot>,
     poses: Reader<Isometry3<f64>>,
     line: StepLine,
-    problems: Option<ProblemFiles>,
 }
 
 impl StepStage<'_> {
@@ -103,9 +136,6 @@ impl StepStage<'_> {
         let input = StepInput { time, tool: *self.poses.latest(), factor: self.port.factor() };
         let report = step(self.world, &input, &mut self.state, &mut self.ws, self.snapshots.value_mut());
         self.snapshots.publish();
-        if let Some(problems) = &mut self.problems {
-            problems.save(&report, self.ws.problem());
-        }
         self.urged = false;
         if report.status == StepStatus::Advanced {
             let (q, system) = (self.state.before(), &self.ws.fem.system);
@@ -113,6 +143,21 @@ impl StepStage<'_> {
             self.urged = self.watch.is_too_old(&report) && self.port.urge(report.step, time, q, system);
         }
         report
+    }
+
+    /// Hands the tick a snapshot without contacts that is marked as not valid: the force comes down to zero at the rate
+    /// that the limits allow, and its return is a ramp.
+    pub(crate) fn rest(&mut self) {
+        let snapshot = self.snapshots.value_mut();
+        snapshot.clear();
+        // 0 would say that none has come yet.
+        snapshot.step = self.state.step.max(1);
+        self.snapshots.publish();
+    }
+
+    /// Whether the tick has told a pose since the last step.
+    pub(crate) fn has_pose(&self) -> bool {
+        self.poses.has_new()
     }
 
     /// Whether the last step has urged the factor stage, which has its matrix then.
@@ -129,6 +174,6 @@ impl StepStage<'_> {
     /// Hands the report and the new shape to the trace; `keep_times` is false in lockstep, where wall times would make
     /// equal runs unequal.
     pub(crate) fn trace(&mut self, report: &StepReport, keep_times: bool) {
-        self.line.push(report, &self.state.fem, keep_times);
+        self.line.push(report, self.world, &self.state, keep_times);
     }
 }

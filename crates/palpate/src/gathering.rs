@@ -1,6 +1,9 @@
 //! Gathers the reports of a run into its summary.
 
+use std::collections::BTreeMap;
+
 use palpate_constraints::compliance::ComplianceMethod;
+use palpate_haptics::device::DeviceError;
 
 use crate::record::TraceOutcome;
 use crate::refresh::RefreshReport;
@@ -25,6 +28,7 @@ pub(crate) struct Gathering {
     iterations: Tail,
     factor_age: Tail,
     contacts: Tail,
+    body_contacts: Tail,
     compliance_error: Tail,
     correction_iterations: Tail,
     overlap: f64,
@@ -37,6 +41,8 @@ pub(crate) struct Gathering {
     tick_overruns: u64,
     factors_refused: u64,
     contacts_dropped: u64,
+    fall_backs: u64,
+    answered: BTreeMap<&'static str, u64>,
     shortened: u64,
     unsettled: u64,
     filtered: u64,
@@ -48,9 +54,13 @@ pub(crate) struct Gathering {
     force_jump: Tail,
     beyond_patch: u64,
     patches_full: u64,
+    frozen_at_rigid: u64,
     impulse: [f64; 2],
     /// Length of a step and of a tick (s).
     lengths: [f64; 2],
+    /// Ticks whose device did not answer, with time and reason of the first.
+    unanswered: u64,
+    first_unanswered: Option<(f64, DeviceError)>,
 }
 
 impl Gathering {
@@ -71,6 +81,7 @@ impl Gathering {
             iterations: Tail::new(1.0),
             factor_age: Tail::new(1e-6),
             contacts: Tail::new(1.0),
+            body_contacts: Tail::new(1.0),
             compliance_error: Tail::new(1e-9),
             correction_iterations: Tail::new(1.0),
             overlap: 0.0,
@@ -83,6 +94,8 @@ impl Gathering {
             tick_overruns: 0,
             factors_refused: 0,
             contacts_dropped: 0,
+            fall_backs: 0,
+            answered: BTreeMap::new(),
             shortened: 0,
             unsettled: 0,
             filtered: 0,
@@ -94,8 +107,11 @@ impl Gathering {
             force_jump: Tail::new(1e-9),
             beyond_patch: 0,
             patches_full: 0,
+            frozen_at_rigid: 0,
             impulse: [0.0; 2],
             lengths: [world.dt(), 1.0 / world.description().rates.tick],
+            unanswered: 0,
+            first_unanswered: None,
         }
     }
 
@@ -104,6 +120,7 @@ impl Gathering {
         self.iterations.record(report.free_motion.iterations as f64);
         self.factor_age.record(report.factor_age);
         self.contacts.record(report.detection.contacts as f64);
+        self.body_contacts.record(f64::from(report.bodies.contacts));
         if let Some(error) = report.error.measured() {
             self.compliance_error.record(error);
             self.correction_iterations.record(f64::from(report.error.correction_iterations));
@@ -112,14 +129,20 @@ impl Gathering {
         self.exact_steps += u64::from(report.rows.rows > 0 && report.method == ComplianceMethod::Exact);
         self.active = report.active;
         self.step_overruns += u64::from(report.overruns);
-        self.contacts_dropped += report.detection.dropped as u64;
+        self.contacts_dropped += report.detection.dropped as u64 + u64::from(report.bodies.dropped);
+        self.contacts_dropped += report.rows.dropped as u64;
         self.factors_refused += u64::from(report.refused);
+        self.fall_backs += u64::from(report.attempts > 1);
+        if report.attempts > 0 {
+            *self.answered.entry(report.solver).or_default() += 1;
+        }
         self.shortened += u64::from(report.cuts > 0);
         self.unsettled += u64::from(report.unsettled);
         self.filtered += u64::from(report.assembly.filtered);
         self.inverted += u64::from(report.assembly.inverted);
         self.worst_residual = self.worst_residual.max(report.solve.residual);
         self.patches_full += u64::from(report.patch.left_out > 0);
+        self.frozen_at_rigid += u64::from(report.frozen_at_rigid);
         self.impulse[0] += report.force.norm() * self.lengths[0];
         if report.status == StepStatus::RolledBack {
             self.failed = true;
@@ -165,7 +188,18 @@ impl Gathering {
         self.beyond_patch += u64::from(record.flags.contains(TickFlags::BEYOND_PATCH));
         self.impulse[1] += record.contact_wrench.force.norm() * self.lengths[1];
         self.worst_tick_residual = self.worst_tick_residual.max(record.residual);
+        if let Some(error) = record.device_error {
+            self.unanswered += 1;
+            self.first_unanswered.get_or_insert((record.time, error));
+        }
         observer.tick(report);
+    }
+
+    /// What there is to say about a device that did not answer.
+    pub(crate) fn device_note(&self) -> Option<String> {
+        let (time, error) = self.first_unanswered?;
+        let ticks = self.unanswered;
+        Some(format!("no force in {ticks} ticks, the first at {time:.3} s: {error}"))
     }
 
     /// Steps, factors and ticks so far.
@@ -186,6 +220,7 @@ impl Gathering {
             mode: if wall.is_some() { "real time" } else { "lockstep" },
             integrator: world.integration().to_string(),
             contact: world.contact_method(),
+            law: world.description().contact.law_in_words(),
             end: self.end,
             simulated: self.time + 1.0 / world.description().rates.tick,
             wall: wall.unwrap_or(0.0),
@@ -207,6 +242,8 @@ impl Gathering {
             iterations: self.iterations.percentiles(),
             factor_age: self.factor_age.percentiles(),
             contacts: self.contacts.percentiles(),
+            body_contacts: self.body_contacts.percentiles(),
+            rigid_bodies: Vec::new(),
             plan: world.plan().to_string(),
             compliance_error: self.compliance_error.percentiles(),
             compliance_errors: self.compliance_error.count(),
@@ -217,6 +254,8 @@ impl Gathering {
             contacts_dropped: self.contacts_dropped,
             worst_residual: self.worst_residual,
             worst_tick_residual: self.worst_tick_residual,
+            fall_backs: self.fall_backs,
+            answered: self.answered,
             shortened: self.shortened,
             unsettled: self.unsettled,
             filtered: self.filtered,
@@ -227,6 +266,7 @@ impl Gathering {
             tick_method: world.tick_method(),
             beyond_patch: self.beyond_patch,
             patches_full: self.patches_full,
+            frozen_at_rigid: self.frozen_at_rigid,
             impulse: self.impulse,
             records_missed: self.missed,
             files: trace.iter().map(|t| t.path.clone()).collect(),

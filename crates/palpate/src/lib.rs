@@ -15,19 +15,20 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod devices;
+pub mod devices;
 mod engine;
 pub mod export;
 mod gathering;
 mod lockstep;
 mod pace;
-mod problem_files;
+pub mod problem_files;
 mod realtime;
 mod record;
 pub mod refresh;
 pub mod replay;
 pub mod run;
 pub mod scene;
+pub mod session;
 pub mod settle;
 pub mod simulation;
 pub mod step;
@@ -37,6 +38,7 @@ pub mod world;
 
 pub use palpate_collision as collision;
 pub use palpate_constraints as constraints;
+pub use palpate_devices as drivers;
 pub use palpate_fem as fem;
 pub use palpate_haptics as haptics;
 pub use palpate_solver as solver;

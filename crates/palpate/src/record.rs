@@ -3,23 +3,25 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 use palpate_collision::shape::ToolShape;
+use palpate_collision::solid::Solid;
+use palpate_constraints::frame::ContactFrame;
 use palpate_fem::factor::FactorStatus;
-use palpate_fem::model::FemState;
 use palpate_fem::pcg::PcgStatus;
+use palpate_haptics::device::DeviceSpec;
 use palpate_haptics::record::TickFlags;
 use palpate_trace as trace;
 use palpate_trace::{
-    Attachment, BodyGeometry, FactorTrace, InlineTrace, LogLevel, LogRecord, StepTrace, TickTrace, TraceConfig,
-    TraceError, TraceThread,
+    Attachment, BodyGeometry, FactorTrace, InlineTrace, LogLevel, LogRecord, SolidGeometry, StepTrace, TickTrace,
+    TraceConfig, TraceError, TraceThread,
 };
 use serde::Serialize;
 
 use crate::gathering::Gathering;
 use crate::refresh::RefreshReport;
 use crate::run::{RunError, RunOptions};
-use crate::step::{StepReport, StepStatus};
+use crate::step::{StepReport, StepState, StepStatus, placements};
 use crate::tick::TickReport;
 use crate::world::World;
 
@@ -28,6 +30,9 @@ pub(crate) const SCENE: &str = "scene.toml";
 
 /// Mode of a run in virtual time, in the metadata of its trace.
 pub(crate) const LOCKSTEP: &str = "lockstep";
+
+/// Entry of the trace's engine record for the limits that the device stated, as TOML.
+pub(crate) const DEVICE_RECORD: &str = "device_record";
 
 /// Metadata record that says how the run ended, and its entry for the number of ticks.
 pub(crate) const END: &str = "end";
@@ -59,10 +64,15 @@ type Lines = (StepLine, TickLine, FactorLine, Option<TraceLines>);
 
 impl TraceLines {
     /// Opens the trace that the options name. A file that cannot be made is noted, and the run goes on without one.
-    pub(crate) fn open(world: &World, options: &RunOptions, notes: &mut Vec<String>) -> Result<Lines, RunError> {
+    pub(crate) fn open(
+        world: &World,
+        options: &RunOptions,
+        device: &DeviceSpec,
+        notes: &mut Vec<String>,
+    ) -> Result<Lines, RunError> {
         match &options.trace {
             None => Ok(Self::none()),
-            Some(path) => match Self::create(world, options, path) {
+            Some(path) => match Self::create(world, options, device, path) {
                 Err(error @ TraceError::Create { .. }) => {
                     notes.push(format!("{error}; the run goes on without a trace"));
                     Ok(Self::none())
@@ -76,8 +86,8 @@ impl TraceLines {
         (StepLine(None), TickLine(None), FactorLine(None), None)
     }
 
-    fn create(world: &World, options: &RunOptions, path: &Path) -> Result<Lines, TraceError> {
-        let config = config(world, options);
+    fn create(world: &World, options: &RunOptions, device: &DeviceSpec, path: &Path) -> Result<Lines, TraceError> {
+        let config = config(world, options, device);
         let (ticks, steps, factors, lines) = if options.lockstep {
             let (inline, ticks, steps, factors) = InlineTrace::create(path, &config)?;
             (ticks, steps, factors, Self::Inline(Box::new(inline)))
@@ -131,7 +141,7 @@ impl TraceLines {
     }
 }
 
-fn config(world: &World, options: &RunOptions) -> TraceConfig {
+fn config(world: &World, options: &RunOptions, device: &DeviceSpec) -> TraceConfig {
     let scene = world.description();
     let base = if options.lockstep { TraceConfig::default() } else { TraceConfig::real_time() };
     let length = options.length.seconds(world.dt());
@@ -145,6 +155,8 @@ fn config(world: &World, options: &RunOptions) -> TraceConfig {
         ("step_rate_hz".into(), format!("{:?}", scene.rates.step)),
         ("factor_rate_hz".into(), format!("{:?}", scene.rates.factor)),
         ("tick_rate_hz".into(), format!("{:?}", scene.rates.tick)),
+        // What hardware says of itself is not in the scene. Numbers and names can be written as TOML.
+        (DEVICE_RECORD.into(), toml::to_string(device).unwrap_or_default()),
     ]);
     let scene_file =
         Attachment { name: SCENE.into(), media_type: "application/toml".into(), data: world.scene().text().into() };
@@ -153,9 +165,37 @@ fn config(world: &World, options: &RunOptions) -> TraceConfig {
         engine,
         attachments: vec![scene_file],
         bodies: vec![BodyGeometry::new(scene.bodies[0].name.clone(), rest, world.surface().triangles.clone())],
+        solids: solids(world),
         tool: tool_shape(world.tool()),
         ..base
     }
+}
+
+/// Side (m) of the square that a half-space is drawn as.
+const DRAWN_PLANE: f64 = 1.0;
+
+/// Fixed and rigid bodies as viewers draw them.
+fn solids(world: &World) -> Vec<SolidGeometry> {
+    let geometry = |name: &str, solid: &Solid, pose: &Isometry3<f64>, moves| {
+        let vertices = |all: &[Vector3<f64>]| all.iter().map(|v| [v.x, v.y, v.z]).collect();
+        let shape = match solid {
+            Solid::Convex(shape) => tool_shape(shape)?,
+            Solid::Mesh(mesh) => {
+                trace::ToolShape::Mesh { vertices: vertices(mesh.vertices()), triangles: mesh.triangles().to_vec() }
+            }
+            Solid::HalfSpace(normal) => {
+                let [t, s] = ContactFrame::new(*normal).tangents.map(|t| t * (0.5 * DRAWN_PLANE));
+                let corners = [-t - s, t - s, t + s, s - t];
+                trace::ToolShape::Mesh { vertices: vertices(&corners), triangles: vec![[0, 1, 2], [0, 2, 3]] }
+            }
+        };
+        let pose = (pose.translation.vector.into(), pose.rotation.coords.into());
+        Some(SolidGeometry { name: name.into(), shape, pose, moves })
+    };
+    let bodies = world.bodies();
+    let fixed = bodies.fixed.iter().map(|body| geometry(&body.name, &body.solid, &body.pose, false));
+    let rigid = bodies.rigid.iter().map(|body| geometry(&body.name, &body.solid, &body.shape_pose(&body.start), true));
+    fixed.chain(rigid).flatten().collect()
 }
 
 fn tool_shape(tool: &ToolShape) -> Option<trace::ToolShape> {
@@ -186,7 +226,7 @@ fn nanoseconds(seconds: f64) -> u64 {
 
 impl StepLine {
     /// Hands a report over; wall times stay out where `keep_times` is false, so that equal runs give equal traces.
-    pub(crate) fn push(&mut self, report: &StepReport, state: &FemState, keep_times: bool) {
+    pub(crate) fn push(&mut self, report: &StepReport, world: &World, state: &StepState, keep_times: bool) {
         let Some((line, dt)) = &mut self.0 else { return };
         let wall = |seconds: f64| if keep_times { nanoseconds(seconds) } else { 0 };
         let (times, rotation) = (&report.times, report.tool.rotation.coords);
@@ -217,7 +257,7 @@ impl StepLine {
             cg_residual: report.free_motion.relative_residual,
             solver_sweeps: report.solve.iterations,
             solver_residual: report.solve.residual,
-            worst_row: worst_row(report),
+            worst_row: report.worst_row.map_or(-1, |row| i32::try_from(row).unwrap_or(i32::MAX)),
             factor_epoch: report.factor_epoch,
             factor_age: report.factor_age,
             tool_force: report.force.into(),
@@ -233,19 +273,27 @@ impl StepLine {
             correction_iterations: report.error.correction_iterations,
             overlap: report.error.overlap,
             cuts: report.cuts,
+            solver_attempts: report.attempts,
         });
+        for (body, placement) in placements(world, &state.rigid).enumerate() {
+            let (position, orientation, velocity, angular_velocity) = placement;
+            let (step, body) = (report.step, body as u32);
+            line.push_rigid(trace::RigidRecord {
+                step,
+                time_ns,
+                body,
+                position,
+                orientation,
+                velocity,
+                angular_velocity,
+            });
+        }
         line.push_positions(time_ns, |positions| {
-            for (x, q) in positions.chunks_exact_mut(3).zip(&state.q) {
+            for (x, q) in positions.chunks_exact_mut(3).zip(&state.fem.q) {
                 x.copy_from_slice(q.as_slice());
             }
         });
     }
-}
-
-/// First row of the contact with the largest residual: all contacts of a step have equally many. -1 without contacts.
-fn worst_row(report: &StepReport) -> i32 {
-    let rows = report.rows.rows.checked_div(report.rows.contacts);
-    rows.and_then(|n| i32::try_from(report.solve.worst_block as usize * n).ok()).unwrap_or(-1)
 }
 
 impl TickLine {

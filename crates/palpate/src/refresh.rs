@@ -46,7 +46,7 @@ pub struct FactorSample {
     pub time: f64,
     /// Configuration of all nodes that it belongs to (m).
     pub q: Vec<Vector3<f64>>,
-    /// `A = Pᵀ L Lᵀ P`.
+    /// `A = Pᵀ L Lᵀ P`, with a copy in single precision as the preconditioner of later steps.
     pub factor: Factor,
 }
 
@@ -63,7 +63,7 @@ impl FactorSample {
         q: &[Vector3<f64>],
         system: &SystemMatrix,
     ) -> Result<Self, FactorStatus> {
-        let mut factor = Factor::new(Arc::clone(symbolic));
+        let mut factor = Factor::with_single_precision_copy(Arc::clone(symbolic));
         match factor.refactor(system).status {
             FactorStatus::Ok => Ok(Self { epoch, step, time, q: q.into(), factor }),
             status => Err(status),

@@ -41,8 +41,8 @@ pub struct RunOptions {
     pub threads: Option<usize>,
     /// Trace to write.
     pub trace: Option<PathBuf>,
-    /// Existing folder for the contact problem of each step that has contacts. Written by the step, which is slower for
-    /// it; the tick is not.
+    /// Existing folder for the contact problems of all steps, one file each (see [`crate::problem_files`]). Written by the
+    /// step, which is slower for it and allocates; the tick is not and does not.
     pub problems: Option<PathBuf>,
     /// Asks the system for a real-time policy for the tick thread; without it, for comparison, ordinary scheduling.
     pub real_time_priority: bool,
@@ -130,6 +130,12 @@ pub fn run(
     stop: &AtomicBool,
     observer: &mut dyn Observer,
 ) -> Result<RunOutcome, RunError> {
+    let kind = &world.description().device.kind;
+    if options.lockstep && !crate::devices::has_virtual_time(kind) {
+        return Err(RunError::Device(format!(
+            "`{kind}` moves by itself and has no virtual time: run it in real time, without lockstep"
+        )));
+    }
     let pool = workers(options.threads)?;
     // Made inside the pool: the workspace of the assembly is laid out for its number of threads.
     let engine = pool.install(|| Engine::new(world, options))?;

@@ -42,7 +42,7 @@ impl<'w> Simulation<'w> {
             state: StepState::new(world, rest),
             ws,
             factor,
-            spare: Factor::new(Arc::clone(world.symbolic())),
+            spare: Factor::with_single_precision_copy(Arc::clone(world.symbolic())),
             snapshot: world.empty_snapshot(),
             refresh_every: 1,
             settled,
@@ -69,17 +69,27 @@ impl<'w> Simulation<'w> {
         self
     }
 
-    /// One step with the tool at `tool`.
+    /// One step with the tool at `tool`, and the refresh that is due after it.
     pub fn step(&mut self, tool: &Isometry3<f64>) -> StepReport {
+        let report = self.step_alone(tool);
+        self.refresh_if_due(&report);
+        report
+    }
+
+    /// One step without the refresh after it: [`Self::refresh_if_due`] does that, and is to be called before the next.
+    pub fn step_alone(&mut self, tool: &Isometry3<f64>) -> StepReport {
         let time = self.state.step as f64 * self.world.dt();
         let input = StepInput { time, tool: *tool, factor: &self.factor };
-        let report = step(self.world, &input, &mut self.state, &mut self.ws, &mut self.snapshot);
-        let early = self.watch.as_mut().is_some_and(|watch| watch.is_too_old(&report));
+        step(self.world, &input, &mut self.state, &mut self.ws, &mut self.snapshot)
+    }
+
+    /// Refreshes the factor where the step of this report was the last before its turn, or found it too old.
+    pub fn refresh_if_due(&mut self, report: &StepReport) {
+        let early = self.watch.as_mut().is_some_and(|watch| watch.is_too_old(report));
         let due = early || self.refresh_every > 0 && self.state.step.is_multiple_of(self.refresh_every);
         if due && self.world.plan().has_factor_thread() && report.status == StepStatus::Advanced {
-            self.refresh(&report);
+            self.refresh(report);
         }
-        report
     }
 
     /// Factors the matrix of the step that was just done; the old factor stays where that fails.

@@ -1,12 +1,16 @@
 //! What a run was like: rates, tails of times, iterations, residuals.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
 use hdrhistogram::Histogram;
+use palpate_rigid::RigidState;
 use serde::Serialize;
 
 pub use crate::record::TraceOutcome;
+use crate::step::placements;
+use crate::world::World;
 
 /// Median and tails of one measured quantity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -88,6 +92,53 @@ impl RunEnd {
     }
 }
 
+/// A rigid body at the end of a run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RigidEnd {
+    /// Its name.
+    pub name: String,
+    /// Origin of its shape (m).
+    pub position: [f64; 3],
+    /// Orientation of its shape `[x, y, z, w]`.
+    pub orientation: [f64; 4],
+    /// Velocity of its centre of mass (m/s).
+    pub velocity: [f64; 3],
+    /// Angular velocity (rad/s).
+    pub angular_velocity: [f64; 3],
+}
+
+impl RigidEnd {
+    /// All rigid bodies of a world.
+    pub(crate) fn all(world: &World, rigid: &[RigidState]) -> Vec<Self> {
+        let names = world.bodies().rigid.iter().map(|body| body.name.clone());
+        names
+            .zip(placements(world, rigid))
+            .map(|(name, (position, orientation, velocity, angular_velocity))| Self {
+                name,
+                position,
+                orientation,
+                velocity,
+                angular_velocity,
+            })
+            .collect()
+    }
+}
+
+impl fmt::Display for RigidEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y, z] = self.position;
+        let [i, j, k, w] = self.orientation;
+        let speed = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        write!(
+            f,
+            "{} at [{x:.5}, {y:.5}, {z:.5}] m, orientation [{i:.4}, {j:.4}, {k:.4}, {w:.4}], {:.3e} m/s, {:.3e} rad/s",
+            self.name,
+            speed(&self.velocity),
+            speed(&self.angular_velocity)
+        )
+    }
+}
+
 /// The summary of a run. Times in seconds, forces in newtons.
 #[derive(Clone, Debug, Serialize)]
 pub struct RunSummary {
@@ -99,6 +150,8 @@ pub struct RunSummary {
     pub integrator: String,
     /// How contact forces were found at step rate, with the parameters of the method.
     pub contact: String,
+    /// The law of contact, with its parameters.
+    pub law: String,
     /// Where the compliance came from, when matrices were factored, and why.
     pub plan: String,
     /// How the run ended.
@@ -157,10 +210,19 @@ pub struct RunSummary {
     pub contacts: Percentiles,
     /// Contacts that did not fit the stated capacity, over the run.
     pub contacts_dropped: u64,
+    /// Contacts of fixed and rigid bodies per step.
+    pub body_contacts: Percentiles,
+    /// Rigid bodies at the end of the run.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rigid_bodies: Vec<RigidEnd>,
     /// Worst relative natural-map residual of a step.
     pub worst_residual: f64,
     /// Worst relative natural-map residual of a tick.
     pub worst_tick_residual: f64,
+    /// Steps in which the automatic choice of the contact solver fell back from its first.
+    pub fall_backs: u64,
+    /// Steps in contact by the solver whose forces were taken, or by the direct method.
+    pub answered: BTreeMap<&'static str, u64>,
     /// Steps whose motion the guard or Newton's line search shortened.
     pub shortened: u64,
     /// Steps by Newton's method whose contact forces still changed when their passes were used up.
@@ -181,6 +243,8 @@ pub struct RunSummary {
     pub beyond_patch: u64,
     /// Steps whose patch had no room for all of the skin near the tool.
     pub patches_full: u64,
+    /// Steps that handed frozen rows to the tick in place of a patch since the tool was at a rigid body.
+    pub frozen_at_rigid: u64,
     /// Impulse of the contact forces over the run (N s): what the steps put on the tissue, and what the ticks found, before
     /// limits and fades.
     pub impulse: [f64; 2],

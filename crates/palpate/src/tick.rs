@@ -2,7 +2,7 @@
 
 use nalgebra::Isometry3;
 use palpate_haptics::SetupError;
-use palpate_haptics::device::{HapticDevice, TickTime};
+use palpate_haptics::device::{DeviceSpec, HapticDevice, TickTime};
 use palpate_haptics::exchange::{Reader, Writer};
 use palpate_haptics::run::run_tick;
 use palpate_haptics::snapshot::HapticSnapshot;
@@ -29,16 +29,96 @@ pub struct TickReport {
     pub overruns: u32,
 }
 
-/// The tick with everything that it reads and writes.
-pub struct Ticker {
+/// The tick with everything that it reads and writes, but for the device.
+pub(crate) struct TickStage {
     tick: Tick,
     state: TickState,
     ws: TickWorkspace,
-    device: Box<dyn HapticDevice>,
     snapshots: Reader<HapticSnapshot>,
     poses: Writer<Isometry3<f64>>,
     line: TickLine,
     index: u64,
+    /// Whether the device has told a sound pose.
+    placed: bool,
+}
+
+impl TickStage {
+    /// The tick of a world on a device of this record, by `config`.
+    pub(crate) fn new(
+        world: &World,
+        config: &TickConfig,
+        spec: &DeviceSpec,
+        snapshots: Reader<HapticSnapshot>,
+        poses: Writer<Isometry3<f64>>,
+        line: TickLine,
+    ) -> Result<Self, RunError> {
+        let refused = |e: SetupError| RunError::Device(e.to_string());
+        let mut tick = Tick::new(config, spec).map_err(refused)?;
+        if world.patch_nodes() > 0 {
+            let on_patches = PatchTickConfig {
+                tool: world.tool().clone(),
+                detection: *world.detection(),
+                max_nodes: world.patch_nodes(),
+                hand_over: world.description().tick.hand_over,
+            };
+            tick = tick.on_patches(on_patches).map_err(refused)?;
+        }
+        let contacts = world.detection().max_contacts;
+        let (state, ws) = (tick.state(contacts), tick.workspace(contacts));
+        Ok(Self { tick, state, ws, snapshots, poses, line, index: 0, placed: false })
+    }
+
+    /// What the scene says about its tick, on a device of this record.
+    pub(crate) fn config(world: &World, spec: &DeviceSpec) -> TickConfig {
+        let scene = world.description();
+        TickConfig {
+            period: 1.0 / scene.rates.tick,
+            sweeps: scene.solver.tick_sweeps,
+            tolerance: scene.solver.tick_tolerance,
+            coupling: devices::coupling(scene, spec),
+            limits: scene.limits,
+        }
+    }
+
+    /// Forgets all ticks so far; the next is number 0.
+    pub(crate) fn restart(&mut self) {
+        self.state.reset();
+        self.index = 0;
+    }
+
+    /// Nominal time between ticks (s).
+    pub(crate) fn period(&self) -> f64 {
+        self.tick.period()
+    }
+
+    /// Time since the tick before (s); a period for the first.
+    pub(crate) fn since(&self, before: Option<f64>, time: f64) -> f64 {
+        before.map_or(self.period(), |before| time - before)
+    }
+
+    /// One tick at `time` (s), `dt` seconds after the last, on `device`.
+    pub(crate) fn tick(&mut self, device: &mut dyn HapticDevice, time: f64, dt: f64) -> TickRecord {
+        let moment = TickTime { index: self.index, time, dt };
+        self.index += 1;
+        let record = run_tick(&self.tick, &mut self.state, &mut self.ws, &mut self.snapshots, device, moment);
+        // Before the first sound pose there is none to tell the step.
+        self.placed |= !record.flags.contains(TickFlags::BAD_POSE) && record.device_error.is_none();
+        if self.placed {
+            self.poses.send(record.tool_pose);
+        }
+        record
+    }
+
+    /// Hands the report to the trace.
+    pub(crate) fn trace(&mut self, report: &TickReport) {
+        self.line.push(report);
+    }
+}
+
+/// The tick stage with the device that it serves.
+pub struct Ticker {
+    stage: TickStage,
+    device: Box<dyn HapticDevice>,
 }
 
 impl Ticker {
@@ -52,7 +132,7 @@ impl Ticker {
         snapshots: Reader<HapticSnapshot>,
         poses: Writer<Isometry3<f64>>,
     ) -> Result<Self, RunError> {
-        let device = devices::device(world.description()).map_err(|e| RunError::Device(e.to_string()))?;
+        let device = devices::device(world.scene())?;
         Self::new(world, device, snapshots, poses, TickLine::none())
     }
 
@@ -63,55 +143,31 @@ impl Ticker {
         poses: Writer<Isometry3<f64>>,
         line: TickLine,
     ) -> Result<Self, RunError> {
-        let scene = world.description();
-        // The scene's record of limits, which a preset replaces, not the one that the virtual device was made with.
-        let refused = |e: SetupError| RunError::Device(e.to_string());
-        let spec = devices::spec(&scene.device).map_err(refused)?;
-        let config = TickConfig {
-            period: 1.0 / scene.rates.tick,
-            sweeps: scene.solver.tick_sweeps,
-            tolerance: scene.solver.tick_tolerance,
-            coupling: devices::coupling(scene, &spec),
-            limits: scene.limits,
-        };
-        let mut tick = Tick::new(&config, &spec).map_err(refused)?;
-        let contacts = world.detection().max_contacts;
-        if world.patch_nodes() > 0 {
-            let config = PatchTickConfig {
-                tool: world.tool().clone(),
-                detection: *world.detection(),
-                max_nodes: world.patch_nodes(),
-                hand_over: scene.tick.hand_over,
-            };
-            tick = tick.on_patches(config).map_err(refused)?;
-        }
-        let (state, ws) = (tick.state(contacts), tick.workspace(contacts));
-        Ok(Self { tick, state, ws, device, snapshots, poses, line, index: 0 })
+        // The limits that the scene states, before those that the device states of itself.
+        let spec = devices::spec(&world.description().device, Some(device.spec()));
+        let spec = spec.map_err(|e| RunError::Device(e.to_string()))?;
+        let config = TickStage::config(world, &spec);
+        Ok(Self { stage: TickStage::new(world, &config, &spec, snapshots, poses, line)?, device })
     }
 
     /// Nominal time between ticks (s).
     pub fn period(&self) -> f64 {
-        self.tick.period()
+        self.stage.period()
     }
 
     /// Time since the tick before (s); a period for the first.
     pub(crate) fn since(&self, before: Option<f64>, time: f64) -> f64 {
-        before.map_or(self.period(), |before| time - before)
+        self.stage.since(before, time)
     }
 
     /// One tick at `time` (s), `dt` seconds after the last: allocates nothing, takes no lock, has no panic path.
     pub fn tick(&mut self, time: f64, dt: f64) -> TickRecord {
-        let moment = TickTime { index: self.index, time, dt };
-        self.index += 1;
-        let device = self.device.as_mut();
-        let record = run_tick(&self.tick, &mut self.state, &mut self.ws, &mut self.snapshots, device, moment);
-        self.poses.send(record.tool_pose);
-        record
+        self.stage.tick(self.device.as_mut(), time, dt)
     }
 
     /// Hands the report to the trace.
     pub(crate) fn trace(&mut self, report: &TickReport) {
-        self.line.push(report);
+        self.stage.trace(report);
     }
 
     /// Takes the force off and lets the device go.
@@ -150,8 +206,8 @@ mod tests {
         let world = Scene::from_toml(BLOCK, std::path::Path::new("")).unwrap().build().unwrap();
         let (_, snapshots) = latest(&HapticSnapshot::new(1));
         let (poses, _) = latest(&world.first_pose());
-        let device = devices::device(world.description()).unwrap();
+        let device = devices::device(world.scene()).unwrap();
         let ticker = Ticker::new(&world, device, snapshots, poses, TickLine::none()).unwrap();
-        assert_eq!(ticker.tick.limits().max_force(), 3.3, "what CHAI3D states for the Touch (N)");
+        assert_eq!(ticker.stage.tick.limits().max_force(), 3.3, "what CHAI3D states for the Touch (N)");
     }
 }

@@ -14,15 +14,16 @@
 //! g_k sqrt(rho_k) t_k . W d + (1 - g_k) z_k = -F_k / sqrt(rho_k)
 //! ```
 //!
-//! so that the matrix is of order one for any stiffness of the bodies. Columns of `W` are read where they lie; those of
-//! a sliding contact are combined once.
+//! so that the matrix is of order one for any stiffness of the bodies. It is solved by iteration in single precision
+//! ([`KrylovSpace`]), where the matrix is not formed, or by a factorisation in double precision.
 
-use crate::columns::Columns;
+use crate::coupled_block::CoupledBlock;
 use crate::dense::LinearSystem;
-use crate::gauss_seidel::add_columns;
-use crate::krylov::KrylovSystem;
+use crate::krylov::KrylovSpace;
 use crate::problem::{Block, ProblemView, gather, scatter};
-use nalgebra::Vector3;
+use crate::single::SingleCompliance;
+use crate::vectors::add_columns;
+use nalgebra::{Matrix3, Vector3};
 use palpate_constraints::law::{Linearization, LocalCompliance, RowEquation};
 
 /// An unknown of the system.
@@ -46,20 +47,8 @@ struct ActiveBlock {
     first: usize,
     unknowns: [Unknown; 3],
     count: usize,
-    shape: Shape,
     /// `sqrt(rho)`, (N/m)^1/2.
     scale: f64,
-}
-
-/// What the unknowns of a block are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Shape {
-    /// Its rows, all closed.
-    Rows,
-    /// The normal with the friction that grows with it, and the turning of that friction.
-    Slip,
-    /// Anything else.
-    Mixed,
 }
 
 /// How a system is to be solved.
@@ -77,14 +66,22 @@ pub(crate) struct Way {
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveSystem {
     blocks: Vec<ActiveBlock>,
+    /// Changes of the forces that the laws give: block, and N.
+    given: Vec<(Block, Vector3<f64>)>,
     /// `sqrt(rho)` of every block of the problem.
     scales: Vec<f64>,
     /// `W d_given`, m.
     gap: Vec<f64>,
-    /// `W c_l` of the unknowns of one block, m.
+    /// `W c_l` of one unknown, m.
     image: Vec<f64>,
     system: LinearSystem,
-    krylov: KrylovSystem,
+    krylov: KrylovSpace,
+    coupled: Vec<CoupledBlock>,
+    single: SingleCompliance,
+    /// `W d_given` in single precision, relative to the largest of `d_given`.
+    single_gap: Vec<f32>,
+    /// Right side, a quad for each block.
+    right: Vec<[f64; 4]>,
     /// The change of the forces, N.
     pub(crate) direction: Vec<f64>,
 }
@@ -93,18 +90,24 @@ impl ActiveSystem {
     pub(crate) fn with_capacity(rows: usize) -> Self {
         Self {
             blocks: Vec::with_capacity(rows),
+            given: Vec::with_capacity(rows),
             scales: Vec::with_capacity(rows),
             gap: Vec::with_capacity(rows),
             image: Vec::with_capacity(rows),
             system: LinearSystem::with_capacity(rows),
-            krylov: KrylovSystem::with_capacity(rows),
+            krylov: KrylovSpace::with_capacity(rows, rows),
+            coupled: Vec::with_capacity(rows),
+            single: SingleCompliance::with_capacity(rows),
+            single_gap: Vec::with_capacity(SingleCompliance::longest(rows)),
+            right: Vec::with_capacity(rows),
             direction: Vec::with_capacity(rows),
         }
     }
 
-    /// Forgets the last problem.
-    pub(crate) fn begin(&mut self) {
+    /// Forgets the last problem; room for one of so many rows.
+    pub(crate) fn begin(&mut self, rows: usize) {
         self.scales.clear();
+        self.single.begin(rows);
     }
 
     /// The direction of Newton at the forces and their gap, left in `direction`; `false` where the system is singular,
@@ -118,29 +121,9 @@ impl ActiveSystem {
         way: &Way,
     ) -> bool {
         let size = self.linearize(view, local, delta, lambda);
-        if size > 0 {
-            let Self { blocks, gap, image, system, krylov, direction, .. } = self;
-            let mut solution = None;
-            if let Some(tolerance) = way.iterative {
-                krylov.reset(size);
-                assemble(view, blocks, gap, image, way.shift, size, krylov);
-                solution = krylov.solve(tolerance);
-            }
-            if solution.is_none() && size <= way.largest_factor {
-                system.reset(size);
-                assemble(view, blocks, gap, image, way.shift, size, system);
-                solution = system.solve();
-            }
-            let Some(solution) = solution else { return false };
-            for active in blocks.iter() {
-                let mut force = gather(direction, &active.block);
-                for (unknown, z) in active.unknowns().iter().zip(solution.iter().skip(active.first)) {
-                    force += unknown.direction * (z * active.scale);
-                }
-                scatter(&force, &active.block, direction);
-            }
-        }
-        true
+        size == 0
+            || way.iterative.is_some_and(|tolerance| self.iterate(view, tolerance, way.shift))
+            || size <= way.largest_factor && self.factor(view, size, way.shift)
     }
 
     /// Sorts the rows into given and unknown forces; returns the number of unknowns.
@@ -149,10 +132,9 @@ impl ActiveSystem {
             self.scales.extend(local.iter().map(|local| local.rho().sqrt()));
         }
         self.blocks.clear();
-        for vector in [&mut self.direction, &mut self.gap] {
-            vector.clear();
-            vector.resize(view.rows(), 0.0);
-        }
+        self.given.clear();
+        self.direction.clear();
+        self.direction.resize(view.rows(), 0.0);
         let mut size = 0;
         for ((block, local), scale) in view.blocks.iter().zip(local).zip(&self.scales) {
             let force = gather(lambda, block);
@@ -168,55 +150,91 @@ impl ActiveSystem {
             }
             if given != Vector3::zeros() {
                 scatter(&given, block, &mut self.direction);
-                add_columns(view, block, &given, &mut self.gap);
+                self.given.push((*block, given));
             }
         }
         size
     }
-}
 
-/// Writes matrix and right side.
-fn assemble<S: Columns>(
-    view: &ProblemView<'_>,
-    blocks: &[ActiveBlock],
-    gap: &[f64],
-    image: &mut Vec<f64>,
-    shift: f64,
-    size: usize,
-    system: &mut S,
-) {
-    for from in blocks {
-        for (j, unknown) in from.unknowns().iter().enumerate() {
-            let compliance = if from.shape == Shape::Rows {
-                view.column(from.block.start + j)
-            } else {
+    /// Solves by iteration to a relative error; `false` where that is not reached.
+    fn iterate(&mut self, view: &ProblemView<'_>, tolerance: f64, shift: f64) -> bool {
+        let Self { blocks, given, krylov, coupled, single, single_gap, right, direction, .. } = self;
+        let with_unknowns = blocks.iter().map(|active| &active.block);
+        single.admit(view, with_unknowns.chain(given.iter().map(|(block, _)| block)));
+        // Relative to their largest, so that they stay in the range of single precision.
+        let size = given.iter().fold(f64::MIN_POSITIVE, |size, (_, force)| size.max(force.amax()));
+        single_gap.clear();
+        single_gap.resize(single.length(), 0.0);
+        for (block, force) in given.iter() {
+            single.accumulate(block, &(force / size), single_gap);
+        }
+        right.clear();
+        coupled.clear();
+        for active in blocks.iter() {
+            let Some(block) = active.couple(view, single, shift) else { return false };
+            let gap = block.read(single_gap);
+            right.push(active.right(&(Vector3::new(gap[0], gap[1], gap[2]).map(f64::from) * size)));
+            coupled.push(block);
+        }
+        let Some(solution) = krylov.solve(single, coupled, right, tolerance) else { return false };
+        for (active, z) in blocks.iter().zip(solution) {
+            active.add(z, direction);
+        }
+        true
+    }
+
+    /// Solves by a factorisation; `false` where the matrix is singular.
+    fn factor(&mut self, view: &ProblemView<'_>, size: usize, shift: f64) -> bool {
+        let Self { blocks, given, gap, image, system, direction, .. } = self;
+        gap.clear();
+        gap.resize(view.rows(), 0.0);
+        for (block, force) in given.iter() {
+            add_columns(view, block, force, gap);
+        }
+        system.reset(size);
+        for from in blocks.iter() {
+            for (j, unknown) in from.unknowns().iter().enumerate() {
                 image.clear();
                 image.resize(view.rows(), 0.0);
-                add_columns(view, &from.block, &unknown.direction, image);
-                image.as_slice()
-            };
-            let column = system.column_mut(from.first + j);
-            for to in blocks {
-                to.write(compliance, from.scale, column, S::entry);
-            }
-            if let Some(diagonal) = column.get_mut(from.first + j) {
-                S::add(diagonal, unknown.weight * shift + (1.0 - unknown.weight));
+                add_columns(view, &from.block, &(unknown.direction * from.scale), image);
+                let column = system.column_mut(from.first + j);
+                for to in blocks.iter() {
+                    let gap = gather(image, &to.block) * to.scale;
+                    for (entry, unknown) in column.iter_mut().skip(to.first).zip(to.unknowns()) {
+                        *entry = unknown.weight * unknown.test.dot(&gap);
+                    }
+                }
+                if let Some(diagonal) = column.get_mut(from.first + j) {
+                    *diagonal += unknown.own(shift);
+                }
             }
         }
+        let column = system.column_mut(size);
+        for active in blocks.iter() {
+            let right = active.right(&gather(gap, &active.block));
+            for (entry, right) in column.iter_mut().skip(active.first).zip(&right[..active.count]) {
+                *entry = *right;
+            }
+        }
+        let Some(solution) = system.solve() else { return false };
+        for active in blocks.iter() {
+            active.add(solution.get(active.first..active.first + active.count).unwrap_or(&[]), direction);
+        }
+        true
     }
-    let right = system.column_mut(size);
-    for active in blocks {
-        let gap = gather(gap, &active.block);
-        for (unknown, entry) in active.unknowns().iter().zip(right.iter_mut().skip(active.first)) {
-            *entry = S::entry(-unknown.value / active.scale - unknown.weight * active.scale * unknown.test.dot(&gap));
-        }
+}
+
+impl Unknown {
+    /// Factor of the unknown in its own equation, beside what comes through `W`.
+    fn own(&self, shift: f64) -> f64 {
+        self.weight * shift + (1.0 - self.weight)
     }
 }
 
 impl ActiveBlock {
     fn new(block: &Block, first: usize, scale: f64) -> Self {
         let none = Unknown { direction: Vector3::zeros(), test: Vector3::zeros(), weight: 1.0, value: 0.0 };
-        Self { block: *block, first, unknowns: [none; 3], count: 0, shape: Shape::Rows, scale }
+        Self { block: *block, first, unknowns: [none; 3], count: 0, scale }
     }
 
     #[inline]
@@ -236,7 +254,6 @@ impl ActiveBlock {
                 RowEquation::Given { excess, slope } => {
                     given -= axis * excess;
                     normal += axis * slope;
-                    self.shape = Shape::Mixed;
                 }
                 RowEquation::Closed { value } => self.push(axis, 1.0, value),
                 RowEquation::Turning { value, weight } => {
@@ -248,9 +265,6 @@ impl ActiveBlock {
         if matches!(equation.rows[0], RowEquation::Closed { .. }) {
             self.unknowns[0].direction = normal;
         }
-        if let [RowEquation::Closed { .. }, RowEquation::Given { .. }, RowEquation::Turning { .. }] = equation.rows {
-            self.shape = Shape::Slip;
-        }
         given
     }
 
@@ -261,34 +275,33 @@ impl ActiveBlock {
         }
     }
 
-    /// The entries of the block's equations in the column of an unknown with the gaps `compliance` and the scale `from`.
-    #[inline]
-    fn write<E>(&self, compliance: &[f64], from: f64, column: &mut [E], of: impl Fn(f64) -> E) {
-        let factor = self.scale * from;
-        let Some(entries) = column.get_mut(self.first..self.first + self.count) else { return };
-        let gaps = compliance.get(self.block.start..).unwrap_or(&[]);
-        match (self.shape, entries, gaps) {
-            (Shape::Rows, [n, t, s], [a, b, c, ..]) => {
-                *n = of(factor * a);
-                *t = of(factor * b);
-                *s = of(factor * c);
-            }
-            (Shape::Rows, entries, gaps) => {
-                for (entry, w) in entries.iter_mut().zip(gaps) {
-                    *entry = of(factor * w);
-                }
-            }
-            (Shape::Slip, [n, v], [a, b, c, ..]) => {
-                let across = &self.unknowns[1];
-                *n = of(factor * a);
-                *v = of(factor * across.weight * (across.test.y * b + across.test.z * c));
-            }
-            (_, entries, _) => {
-                let gap = gather(compliance, &self.block) * factor;
-                for (entry, unknown) in entries.iter_mut().zip(&self.unknowns) {
-                    *entry = of(unknown.weight * unknown.test.dot(&gap));
-                }
-            }
+    /// Right sides of the block's equations, with the `gap` (m) that the given forces make.
+    fn right(&self, gap: &Vector3<f64>) -> [f64; 4] {
+        let mut right = [0.0; 4];
+        for (entry, unknown) in right.iter_mut().zip(self.unknowns()) {
+            *entry = -unknown.value / self.scale - unknown.weight * self.scale * unknown.test.dot(gap);
         }
+        right
+    }
+
+    /// The block's equations in single precision; `None` where it was not admitted.
+    fn couple(&self, view: &ProblemView<'_>, single: &SingleCompliance, shift: f64) -> Option<CoupledBlock> {
+        let (mut tests, mut directions, mut own) = (Matrix3::zeros(), Matrix3::zeros(), Vector3::repeat(1.0));
+        for (l, unknown) in self.unknowns().iter().enumerate() {
+            tests.set_row(l, &(unknown.test * (unknown.weight * self.scale)).transpose());
+            directions.set_column(l, &(unknown.direction * self.scale));
+            own[l] = unknown.own(shift);
+        }
+        let (place, rows) = (single.place(&self.block)?, self.block.law.rows());
+        Some(CoupledBlock::new(place, rows, &tests, &directions, &own, &view.diagonal_block(&self.block)))
+    }
+
+    /// Adds the forces that belong to values of the unknowns.
+    fn add(&self, z: &[f64], direction: &mut [f64]) {
+        let mut force = gather(direction, &self.block);
+        for (unknown, z) in self.unknowns().iter().zip(z) {
+            force += unknown.direction * (z * self.scale);
+        }
+        scatter(&force, &self.block, direction);
     }
 }

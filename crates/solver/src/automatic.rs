@@ -10,7 +10,7 @@
 //! Each begins at the best forces so far. The report has their residual, the iterations of all attempts, and how the run
 //! ended: a limit of time that was met, else the finding of the last attempt that had one (no solution, stalled), else the
 //! status of the attempt with the least residual. [`AutomaticWorkspace::attempts`] tells what was tried and how it ended. Steps 1, 2,
-//! 3 and 4 allocate nothing; step 5 does.
+//! 3 and 4 allocate nothing; step 5 does. [`AutomaticConfig::bounded`] leaves steps 3 and 5 out.
 
 use crate::accelerated_gradient::{AcceleratedGradientConfig, AcceleratedGradientWorkspace};
 use crate::conic_friction::ConicFrictionConfig;
@@ -40,11 +40,14 @@ pub struct AutomaticConfig {
     pub tolerance: f64,
     /// Limit of iterations of each attempt. Default 5000.
     pub max_iterations: u32,
+    /// Leaves out what a thread that must be in time cannot afford: Lemke's method, which may take a second, and the cone
+    /// programs, which allocate. Default false.
+    pub bounded: bool,
 }
 
 impl Default for AutomaticConfig {
     fn default() -> Self {
-        Self { tolerance: 1e-6, max_iterations: 5000 }
+        Self { tolerance: 1e-6, max_iterations: 5000, bounded: false }
     }
 }
 
@@ -108,7 +111,7 @@ impl ConstraintSolver for AutomaticConfig {
         AutomaticWorkspace {
             sweeps: GaussSeidelWorkspace::with_capacity(rows),
             newton: NewtonConfig::default().workspace(rows),
-            lemke: LemkeConfig::default().workspace(rows.min(LEMKE_ROWS)),
+            lemke: LemkeConfig::default().workspace(if self.bounded { 0 } else { rows.min(LEMKE_ROWS) }),
             gradient: AcceleratedGradientConfig::default().workspace(rows),
             best: Vec::with_capacity(rows),
             attempts: Vec::with_capacity(ATTEMPTS),
@@ -116,7 +119,7 @@ impl ConstraintSolver for AutomaticConfig {
     }
 
     fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
-        Self { tolerance, max_iterations: max_iterations.unwrap_or(self.max_iterations) }
+        Self { tolerance, max_iterations: max_iterations.unwrap_or(self.max_iterations), ..self }
     }
 
     fn solve_watched(
@@ -139,10 +142,10 @@ impl ConstraintSolver for AutomaticConfig {
         // In turn until one ends the search; nothing after that is run.
         let _over = attempt(&first, view, lambda, &mut ws.sweeps, watch, &mut best)
             || attempt(&newton, view, lambda, &mut ws.newton, watch, &mut best)
-            || rows <= LEMKE_ROWS && attempt(&lemke, view, lambda, &mut ws.lemke, watch, &mut best)
+            || !self.bounded && rows <= LEMKE_ROWS && attempt(&lemke, view, lambda, &mut ws.lemke, watch, &mut best)
             || attempt(&sweeps, view, lambda, &mut ws.sweeps, watch, &mut best)
             || attempt(&gradient, view, lambda, &mut ws.gradient, watch, &mut best)
-            || attempt(&cones, view, lambda, &mut ws.sweeps, watch, &mut best);
+            || !self.bounded && attempt(&cones, view, lambda, &mut ws.sweeps, watch, &mut best);
         let Some(report) = best.report else { return SolveReport::failed(SolveStatus::Invalid, 0) };
         let iterations = best.attempts.iter().map(|attempt| attempt.report.iterations).sum();
         SolveReport { status: verdict(report.status, best.attempts), iterations, ..report }

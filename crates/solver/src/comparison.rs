@@ -19,7 +19,7 @@ pub struct SolverRun {
     pub report: SolveReport,
     /// Residual of its forces, evaluated from nothing but the problem.
     pub judged: f64,
-    /// Wall time of the solve from zero forces, without the making of its memory, s.
+    /// Wall time of the solve, without the making of its memory, s.
     pub seconds: f64,
     /// What the automatic choice tried, in order; empty for other solvers.
     pub attempts: Vec<Attempt>,
@@ -40,20 +40,34 @@ pub fn run_all(
     samples: usize,
 ) -> Vec<SolverRun> {
     let runs = problems.iter().enumerate().flat_map(|(number, problem)| {
-        solvers.iter().map(move |solver| run(number, problem, solver, time_limit, samples))
+        solvers.iter().map(move |solver| run(number, problem, &[], solver, time_limit, samples))
     });
     runs.collect()
+}
+
+/// [`run_all`] on one problem from given forces (N), one per row; rows beyond their number start from zero.
+#[must_use]
+pub fn run_all_from(
+    problem: &ConstraintProblem,
+    start: &[f64],
+    solvers: &[Solver],
+    time_limit: Option<f64>,
+    samples: usize,
+) -> Vec<SolverRun> {
+    solvers.iter().map(|solver| run(0, problem, start, solver, time_limit, samples)).collect()
 }
 
 fn run(
     number: usize,
     problem: &ConstraintProblem,
+    start: &[f64],
     solver: &Solver,
     time_limit: Option<f64>,
     samples: usize,
 ) -> SolverRun {
     let mut ws = solver.workspace(problem.rows());
     let mut lambda = vec![0.0; problem.rows()];
+    lambda.iter_mut().zip(start).for_each(|(lambda, start)| *lambda = *start);
     let mut history = Vec::with_capacity(samples);
     let mut watch = Watch::none();
     if samples > 0 {

@@ -74,6 +74,19 @@ impl LinearSystem {
     }
 }
 
+/// Lets faer's matrix products reserve the packing memory that they keep for the calling thread.
+pub(crate) fn warm_thread() {
+    const SIZE: usize = 192;
+    let mut system = LinearSystem::with_capacity(SIZE);
+    system.reset(SIZE);
+    for j in 0..=SIZE {
+        for (i, entry) in system.column_mut(j).iter_mut().enumerate() {
+            *entry = if i == j { 2.0 } else { 1.0 / (1 + i + j) as f64 };
+        }
+    }
+    let _ = system.solve();
+}
+
 fn params() -> Spec<PartialPivLuParams, f64> {
     Spec::new(<PartialPivLuParams as Auto<f64>>::auto())
 }

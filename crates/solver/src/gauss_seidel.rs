@@ -24,6 +24,7 @@ use crate::problem::{Block, ProblemView, gather, scatter};
 use crate::report::{SolveReport, SolveStatus};
 use crate::residual::{Residual, natural_map_scaled};
 use crate::solver::ConstraintSolver;
+use crate::vectors::add_columns;
 use crate::watch::Watch;
 use nalgebra::Vector3;
 use palpate_constraints::law::LocalCompliance;
@@ -254,7 +255,7 @@ fn relax(
 ) {
     let old = gather(lambda, block);
     let b = gather(delta, block) - local.gap(&old);
-    let mut new = block.law.resolve(local, &b);
+    let mut new = block.law.resolve_from(local, &b, &old);
     if relaxation != 1.0 {
         // Both are admissible and the set of admissible forces is convex; the projection only takes off rounding.
         new = block.law.project(&(old + (new - old) * relaxation));
@@ -263,30 +264,5 @@ fn relax(
     if change != Vector3::zeros() {
         scatter(&new, block, lambda);
         add_columns(view, block, &change, delta);
-    }
-}
-
-/// `delta += W_{.,a} change`, one pass over `delta`.
-#[inline]
-pub(crate) fn add_columns(view: &ProblemView<'_>, block: &Block, change: &Vector3<f64>, delta: &mut [f64]) {
-    let first = view.column(block.start);
-    match block.law.rows() {
-        1 => {
-            for (gap, w) in delta.iter_mut().zip(first) {
-                *gap += w * change.x;
-            }
-        }
-        2 => {
-            let second = view.column(block.start + 1);
-            for (gap, (w1, w2)) in delta.iter_mut().zip(first.iter().zip(second)) {
-                *gap += w1 * change.x + w2 * change.y;
-            }
-        }
-        _ => {
-            let (second, third) = (view.column(block.start + 1), view.column(block.start + 2));
-            for (gap, (w1, (w2, w3))) in delta.iter_mut().zip(first.iter().zip(second.iter().zip(third))) {
-                *gap += w1 * change.x + w2 * change.y + w3 * change.z;
-            }
-        }
     }
 }

@@ -11,16 +11,20 @@
 //!
 //! Friction on the exact cone is reached by turning the polygons: after each solution the first corner of a contact's
 //! polygon is turned halfway to its friction (against the slip where it slides) and the problem is solved anew. At the fixed
-//! point the corner carries the force, and the polygon no longer shows. Where many contacts slide at once the headings need
-//! not settle: the run then ends as stalled, near the error of the polygon (1e-3 to 1e-1). [`FacetedCoulomb`](palpate_constraints::law::FacetedCoulomb)
-//! is solved as it is.
+//! point the corner carries the force, and the polygon no longer shows. Pivoting always ends with a solution of the faceted
+//! problem where `W` is positive semidefinite, but the headings need not settle where many contacts slide at once: a corner
+//! jumps to its neighbour and back. What is left is the error of the polygon, up to `1 - cos(pi / k)` of the friction's size and
+//! `pi / k` of its direction with `k` facets; a tolerance of 1e-6 would take facets by the thousand. So, once
+//! [`UNSETTLED`] turns have not lowered the residual, sweeps of block Gauss-Seidel on the exact cone take off the rest; a run
+//! whose sweeps do not end either is stalled, with the residual on the exact cone.
+//! [`FacetedCoulomb`](palpate_constraints::law::FacetedCoulomb) is solved as it is.
 //!
 //! One pivot costs `O(n^2)`, with `n` = 10 per frictional contact at 8 facets: a reference and a fall-back, for tens of
 //! contacts. Memory is that of polygons with `facets` corners on every contact; a problem whose own laws have more facets makes
 //! it grow, once.
 
 use crate::complementarity::Complementarity;
-use crate::gauss_seidel::GaussSeidelWorkspace;
+use crate::gauss_seidel::{GaussSeidelWorkspace, sweep};
 use crate::iteration::{self, Advance, Stop};
 use crate::problem::{ProblemView, gather, scatter};
 use crate::report::{SolveReport, SolveStatus};
@@ -39,8 +43,14 @@ const PIVOT_FLOOR: f64 = 1e-11;
 /// Ratios that differ by less, relative to numbers of order one, are taken as equal and told apart by the next column.
 const TIE: f64 = 1e-13;
 
+/// Turns without a fall of the residual by a tenth after which the polygons are taken not to settle.
+pub const UNSETTLED: u32 = 3;
+
 /// Slip below this part of the largest gap is sticking.
 const SLIP_FLOOR: f64 = 1e-10;
+
+/// Iterations without a fall of the residual by a hundredth after which a run has stalled.
+const STALL: u32 = 200;
 
 /// Parameters of Lemke's method.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,7 +58,7 @@ const SLIP_FLOOR: f64 = 1e-10;
 pub struct LemkeConfig {
     /// Natural-map residual to reach, relative, `> 0`. Default 1e-6.
     pub tolerance: f64,
-    /// Limit of solutions with turned polygons. Default 100.
+    /// Limit of solutions with turned polygons and of sweeps after them, in all. Default 1000.
     pub max_iterations: u32,
     /// Corners of the friction polygon where the law leaves them open, 3 or more. Default 8.
     pub facets: usize,
@@ -58,7 +68,7 @@ pub struct LemkeConfig {
 
 impl Default for LemkeConfig {
     fn default() -> Self {
-        Self { tolerance: 1e-6, max_iterations: 100, facets: 8, pivots_per_variable: 20 }
+        Self { tolerance: 1e-6, max_iterations: 1000, facets: 8, pivots_per_variable: 20 }
     }
 }
 
@@ -98,17 +108,25 @@ impl ConstraintSolver for LemkeConfig {
         ws: &mut LemkeWorkspace,
         watch: &mut Watch<'_>,
     ) -> SolveReport {
-        let stop = Stop { tolerance: self.tolerance, max_iterations: self.max_iterations, stall: 10 };
+        let stop = Stop { tolerance: self.tolerance, max_iterations: self.max_iterations, stall: STALL };
         let LemkeWorkspace { sweeps, problem, tableau, heading } = ws;
         heading.clear();
         heading.resize(view.blocks.len().min(sweeps.capacity()), 0.0);
         let deadline = watch.deadline();
-        let mut first = true;
-        iteration::run(view, lambda, stop, sweeps, watch, |lambda, sweeps, _| {
+        let (mut least, mut unsettled, mut first) = (f64::INFINITY, 0, true);
+        iteration::run(view, lambda, stop, sweeps, watch, |lambda, sweeps, residual| {
+            // The residual of the start is none of the polygons'.
+            if !first && unsettled < UNSETTLED {
+                unsettled = if residual < 0.9 * least { 0 } else { unsettled + 1 };
+                least = least.min(residual);
+            }
             // The start is as good as its forces: its friction tells where the polygons should point.
-            let turned = turn(view, lambda, &sweeps.delta, PI / self.facets.max(3) as f64, heading);
-            if !first && !turned {
-                return Advance::Ended(SolveStatus::Stalled);
+            let settled = unsettled >= UNSETTLED
+                || !turn(view, lambda, &sweeps.delta, PI / self.facets.max(3) as f64, heading) && !first;
+            if settled {
+                unsettled = UNSETTLED;
+                sweep(view, lambda, 1.0, false, sweeps);
+                return Advance::Updated;
             }
             first = false;
             tableau.reserve(problem.reserve(view, self.facets.max(3), MAX_VARIABLES));

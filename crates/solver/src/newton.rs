@@ -10,33 +10,34 @@
 //! sticks, two for one that slides, none for one that is open. It is scaled to order one for any stiffness of the bodies.
 //!
 //! Away from the end a step needs few digits [Dembo, Eisenstat and Steihaug 1982]: the system is solved by GMRES with a
-//! Gauss-Seidel preconditioner in single precision, to as much of the residual as the step can use. A few tens of
-//! iterations in all, each of which reads the matrix once, replace a factorisation in every step. Where GMRES does not
-//! converge, and after a step that did not lower the residual, the system is factored in double precision, if the time that
-//! is left allows for it.
+//! block Gauss-Seidel preconditioner on the columns of `W` in single precision (see `krylov`), to as much of the residual
+//! as the step can use. Where GMRES does not converge, and after a step that did not lower the residual, the system is
+//! factored in double precision, if the time that is left allows for it.
 //!
 //! Rank-deficient `W` makes the system singular: `W_aa` is shifted by [`SHIFT`] of its mean diagonal. That is one step of
 //! Newton on the proximal-point problem around the current forces, which has the same solutions, and it picks forces of
 //! moderate size among many.
 //!
-//! How much is gained: on the frictional contacts of a ball pressed into the liver, or dragged along it, a cold solve to 1e-8 is
-//! 1.5 to 2 times as fast as by block Gauss-Seidel, for 10 to 150 contacts (`cargo bench --bench solver`). `W` of soft
-//! tissue is so well conditioned that Gauss-Seidel needs 30 to 70 sweeps; the gain grows where it needs more.
+//! How much is gained: on the frictional contacts of a ball pressed into the liver, or dragged along it, a cold solve to
+//! 1e-8 is about twice as fast as by block Gauss-Seidel for 30 to 150 contacts, and a little faster for 10 (`cargo bench
+//! --bench solver`). `W` of soft tissue is so well conditioned that Gauss-Seidel needs 40 to 60 sweeps, each as dear as
+//! three iterations of GMRES; the gain grows where it needs more.
 //!
 //! Safeguards: of the steps `t` = 1, 1/2, 1/4, the first that lowers the natural-map residual is taken, else the one with
 //! the least; after [`PATIENCE`] steps without a new best, or a singular system, the run goes back to the best forces and
 //! does twice as many sweeps as the time before. Forces are projected, so that every iterate is admissible.
 //!
-//! The first factorisation on a thread may allocate once (packing memory of faer's matrix products, kept for the thread);
-//! nothing else is allocated.
+//! Nothing is allocated; for what a thread needs before its first factorisation see [`crate::solver::warm_thread`].
 
 use crate::active_system::{ActiveSystem, Way};
-use crate::gauss_seidel::{GaussSeidelWorkspace, add_columns, residual, sweep};
+use crate::dense::warm_thread;
+use crate::gauss_seidel::{GaussSeidelWorkspace, residual, sweep};
 use crate::iteration::{self, Advance, Stop};
 use crate::problem::{ProblemView, gather, scatter};
 use crate::report::SolveReport;
 use crate::residual::scale;
 use crate::solver::ConstraintSolver;
+use crate::vectors::add_columns;
 use crate::watch::Watch;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -50,9 +51,9 @@ pub const SHIFT: f64 = 1e-9;
 /// Error of a step's linear system relative to the residual that is asked for after it.
 const FORCING: f64 = 0.3;
 
-/// Bounds of the error of a step's linear system, relative to the residual: a step that is to find the active contacts
-/// cannot use more digits, and 1e-4 and 1e-5 for the lower one cost 10 to 20 % more iterations inside than they save.
-const LEAST_FORCING: f64 = 1e-3;
+/// Bounds of the error of a step's linear system, relative to the residual. A step that is to find the active contacts
+/// cannot use more digits, and the steps after it are cheap: 1e-3 for the lower one costs a quarter more time.
+const LEAST_FORCING: f64 = 0.03;
 const MOST_FORCING: f64 = 0.1;
 
 /// Operations per second that a factorisation is taken to do, for the decision whether it fits the time that is left.
@@ -114,6 +115,7 @@ impl ConstraintSolver for NewtonConfig {
 
     fn workspace(&self, rows: usize) -> NewtonWorkspace {
         let vector = || Vec::with_capacity(rows);
+        warm_thread();
         NewtonWorkspace {
             sweeps: GaussSeidelWorkspace::with_capacity(rows),
             system: ActiveSystem::with_capacity(rows),
@@ -139,7 +141,7 @@ impl ConstraintSolver for NewtonConfig {
         let mut sweeps = std::mem::take(&mut ws.sweeps);
         // A problem that does not fit is refused before the first iteration.
         let rows = view.rows().min(sweeps.capacity());
-        ws.system.begin();
+        ws.system.begin(rows);
         for vector in [&mut ws.before, &mut ws.kept] {
             vector.clear();
             vector.resize(rows, 0.0);

@@ -15,11 +15,12 @@
 //! the method wander at 1e-2; and the gap follows by linearity (`W p` is the change of the gap), so that an iteration
 //! costs one sweep and O(m).
 
-use crate::gauss_seidel::{GaussSeidelWorkspace, add_columns, residual, sweep};
+use crate::gauss_seidel::{GaussSeidelWorkspace, residual, sweep};
 use crate::iteration::{self, Advance, Stop};
 use crate::problem::{ProblemView, gather, scatter};
 use crate::report::SolveReport;
 use crate::solver::ConstraintSolver;
+use crate::vectors::add_columns;
 use crate::watch::Watch;
 use nalgebra::Vector3;
 use palpate_constraints::law::LocalCompliance;

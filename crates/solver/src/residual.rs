@@ -15,8 +15,8 @@
 //! the tolerance of those that touch; and each share is raised by the rounding of its force, `2 eps |lambda_a| / rho_a`, so
 //! that forces that grow for ever (conflicting rows) never pass for a solution. A residual of 1 means that about as much violation is left as there was.
 
-use crate::problem::{ProblemView, gather};
-use palpate_constraints::law::natural_stiffness;
+use crate::problem::{Block, ProblemView, gather};
+use palpate_constraints::law::{EightContacts, Law, natural_stiffness};
 
 /// Smallest scale, relative to `|delta_free|` over all blocks: below it rounding in far rows would count as error.
 const SCALE_FLOOR: f64 = 1e-9;
@@ -68,20 +68,84 @@ pub(crate) fn natural_map_scaled(
     delta: &[f64],
     lambda: &[f64],
 ) -> Residual {
-    let mut sum = 0.0;
-    let (mut worst_block, mut worst) = (0, 0.0);
-    for (a, block) in view.blocks.iter().enumerate() {
-        let rho = rho(a);
-        let force = gather(lambda, block);
-        let r = block.law.natural_map(rho, &gather(delta, block), &force) / rho;
-        let share = (r.norm() + ROUNDING * force.norm() / rho).powi(2);
-        sum += share;
-        // A NaN share is the worst, and stays it.
-        if share > worst || share.is_nan() {
-            (worst_block, worst) = (a, share);
+    let mut found = Shares::default();
+    let (eights, rest) = view.blocks.as_chunks::<8>();
+    for (k, eight) in eights.iter().enumerate() {
+        if !found.admit_frictional(8 * k, eight, &rho, delta, lambda) {
+            found.admit(8 * k, eight, &rho, delta, lambda);
         }
     }
-    Residual { relative: sum.sqrt() / scale, worst_block, worst_gap: f64::sqrt(worst) }
+    found.admit(8 * eights.len(), rest, &rho, delta, lambda);
+    Residual { relative: found.sum.sqrt() / scale, worst_block: found.worst_block, worst_gap: found.worst.sqrt() }
+}
+
+/// Sum and largest of the squares of the blocks' shares, m².
+#[derive(Default)]
+struct Shares {
+    sum: f64,
+    worst: f64,
+    worst_block: usize,
+}
+
+impl Shares {
+    #[inline]
+    fn note(&mut self, block: usize, share: f64) {
+        self.sum += share;
+        // A NaN share is the worst, and stays it.
+        if share > self.worst || share.is_nan() {
+            (self.worst_block, self.worst) = (block, share);
+        }
+    }
+
+    /// Adds the shares of blocks, of which the first has the number `first`.
+    fn admit(&mut self, first: usize, blocks: &[Block], rho: impl Fn(usize) -> f64, delta: &[f64], lambda: &[f64]) {
+        for (a, block) in (first..).zip(blocks) {
+            let rho = rho(a);
+            let force = gather(lambda, block);
+            let r = block.law.natural_map(rho, &gather(delta, block), &force);
+            self.note(a, share(r.norm_squared(), force.norm_squared(), rho));
+        }
+    }
+
+    /// The same for eight contacts with Coulomb's law; `false`, and nothing is added, for others.
+    fn admit_frictional(
+        &mut self,
+        first: usize,
+        blocks: &[Block; 8],
+        rho: impl Fn(usize) -> f64,
+        delta: &[f64],
+        lambda: &[f64],
+    ) -> bool {
+        let mut contacts = EightContacts::default();
+        let at = blocks[0].start;
+        let (Some(delta), Some(lambda)) = (delta.get(at..at + 24), lambda.get(at..at + 24)) else { return false };
+        for (k, block) in blocks.iter().enumerate() {
+            let Law::Coulomb(law) = block.law else { return false };
+            contacts.friction[k] = law.friction;
+            contacts.rho[k] = rho(first + k);
+            for c in 0..3 {
+                contacts.delta[c][k] = delta[3 * k + c];
+                contacts.lambda[c][k] = lambda[3 * k + c];
+            }
+        }
+        let squared = |rows: &[[f64; 8]; 3], k: usize| {
+            rows[0][k] * rows[0][k] + rows[1][k] * rows[1][k] + rows[2][k] * rows[2][k]
+        };
+        let maps = contacts.natural_maps();
+        let shares: [f64; 8] =
+            std::array::from_fn(|k| share(squared(&maps, k), squared(&contacts.lambda, k), contacts.rho[k]));
+        for (k, share) in shares.iter().enumerate() {
+            self.note(first + k, *share);
+        }
+        true
+    }
+}
+
+/// Square of a block's share (m²) from the squares of its natural map and of its force (N²).
+#[inline(always)]
+fn share(map: f64, force: f64, rho: f64) -> f64 {
+    let share = (map.sqrt() + ROUNDING * force.sqrt()) / rho;
+    share * share
 }
 
 /// Residual of forces from nothing but the problem: the judge of all solvers. `scratch` takes the gap (m rows).

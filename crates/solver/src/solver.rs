@@ -29,9 +29,8 @@ pub trait ConstraintSolver: Copy + Default {
 
     /// Solves from the forces in `lambda` (N) and leaves the answer there: finite and admissible whatever the status.
     ///
-    /// Allocates nothing, with three exceptions: the cone programs (Clarabel's own memory), Lemke on a law with more facets
-    /// than any before, and the first factorisation on a thread by Newton, where faer's matrix products reserve packing
-    /// memory that the thread keeps. A thread that must not allocate solves one problem of full size before it begins.
+    /// Allocates nothing, with two exceptions: the cone programs (Clarabel's own memory), and Lemke on a law with more
+    /// facets than any before. On another thread than the one that made the workspace see [`warm_thread`].
     fn solve_watched(
         &self,
         view: &ProblemView<'_>,
@@ -39,6 +38,13 @@ pub trait ConstraintSolver: Copy + Default {
         ws: &mut Self::Workspace,
         watch: &mut Watch<'_>,
     ) -> SolveReport;
+}
+
+/// Prepares the calling thread for solvers that factor (Newton, the automatic choice): matrix products keep packing memory
+/// for each thread, made at their first use. The making of a workspace does it for its own thread; another thread that must
+/// not allocate calls this before it begins. Takes about a millisecond.
+pub fn warm_thread() {
+    crate::dense::warm_thread();
 }
 
 macro_rules! solvers {
@@ -156,6 +162,12 @@ solvers! {
 impl From<GaussSeidelConfig> for Solver {
     fn from(config: GaussSeidelConfig) -> Self {
         Solver::GaussSeidel(config)
+    }
+}
+
+impl From<AutomaticConfig> for Solver {
+    fn from(config: AutomaticConfig) -> Self {
+        Solver::Automatic(config)
     }
 }
 

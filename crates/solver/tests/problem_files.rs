@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use palpate_constraints::law::{Bilateral, Coulomb, Law, Signorini};
 use palpate_solver::problem::{ConstraintProblem, ProblemError};
-use palpate_solver::problem_file::{self, ProblemFileError, siconos};
+use palpate_solver::problem_file::{self, Forces, ProblemFileError, siconos};
 use proptest::prelude::*;
 
 fn laws(friction: f64) -> [Law; 3] {
@@ -184,7 +184,30 @@ fn formats_are_told_apart_by_their_content() {
     assert_eq!(open(three.as_bytes()).unwrap().blocks().len(), 3);
     assert!(matches!(open(b"\x89HDF\r\n\x1a\n...."), Err(ProblemFileError::Hdf5)));
     let error = open(b"2\n0\n\xff").unwrap_err().to_string();
-    assert_eq!(error, "line 3: expected text, found bytes that are not UTF-8");
-    assert!(open(b"").unwrap_err().to_string().contains("end of the file"));
+    assert_eq!(error, "line 3: neither JSON nor text: byte 4 of the file is not UTF-8");
+    assert!(matches!(open(b" \n"), Err(ProblemFileError::Empty)));
+    assert!(open(b"3").unwrap_err().to_string().contains("line 1"));
     assert!(open(b"{\"format\": 3}").unwrap_err().to_string().contains("line 1 column"));
+}
+
+/// Forces go along with a problem, to the bit, and do not belong to it.
+#[test]
+fn forces_are_saved_and_loaded_with_their_problem() {
+    let problem = problem_file::read(sample().as_bytes()).unwrap();
+    let start: Vec<f64> = (0..6).map(|k| 0.1 * f64::from(k) / 3.0).collect();
+    let forces = Forces { start: Some(start), lambda: Some(vec![-0.0, f64::MIN_POSITIVE / 3.0, 1.0, 2.0, 3.0, 1e300]) };
+    let mut text = Vec::new();
+    problem_file::write_with_forces(&problem, &forces, &mut text).unwrap();
+    let (read, found) = problem_file::read_with_forces(text.as_slice()).unwrap();
+    assert_eq!(bits(&read), bits(&problem));
+    let words = |forces: &Option<Vec<f64>>| forces.as_ref().unwrap().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    assert_eq!((words(&found.start), words(&found.lambda)), (words(&forces.start), words(&forces.lambda)));
+    assert_eq!(problem_file::read_with_forces(sample().as_bytes()).unwrap().1, Forces::default());
+
+    let short = Forces { start: Some(vec![0.0; 5]), ..Forces::default() };
+    let told = problem_file::write_with_forces(&problem, &short, &mut Vec::new()).unwrap_err().to_string();
+    assert!(told.contains("`start`") && told.contains("5 forces for 6 rows"), "{told}");
+    let endless = Forces { lambda: Some(vec![0.0, 0.0, f64::INFINITY, 0.0, 0.0, 0.0]), ..Forces::default() };
+    let told = problem_file::write_with_forces(&problem, &endless, &mut Vec::new()).unwrap_err().to_string();
+    assert!(told.contains("lambda[2] = inf"), "{told}");
 }

@@ -3,6 +3,7 @@
 
 use palpate_solver::automatic::AutomaticConfig;
 use palpate_solver::gauss_seidel::{self, GaussSeidelConfig, GaussSeidelWorkspace};
+use palpate_solver::lemke::LemkeConfig;
 use palpate_solver::problem_file::{self, siconos};
 use palpate_solver::report::SolveStatus;
 use palpate_solver::residual;
@@ -194,6 +195,30 @@ fn the_automatic_choice_solves_every_file() {
                 assert_eq!(report.status, SolveStatus::Solved, "{name}");
                 assert!(judged.relative <= tolerance * (1.0 + 1e-6), "{name}: {}", judged.relative);
             }
+        }
+    }
+}
+
+/// Lemke on its own ground, and on friction of up to 20 contacts.
+#[test]
+fn lemke_solves_what_it_can_reach() {
+    for folder in ["lcp", "friction"] {
+        let Some(folder) = shared(folder) else { return };
+        for path in data_files(&folder) {
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            let problem = problem_file::open(&path).unwrap();
+            if problem.rows() > 60 {
+                continue;
+            }
+            let solver = LemkeConfig::default();
+            let mut ws = solver.workspace(problem.rows());
+            let mut lambda = vec![0.0; problem.rows()];
+            let report = solver.solve_watched(&problem.view(), &mut lambda, &mut ws, &mut Watch::none());
+            let judged = residual::evaluate(&problem.view(), &lambda, &mut vec![0.0; problem.rows()]);
+            println!("{name:<36} {:?} after {}, {:.1e}", report.status, report.iterations, judged.relative);
+            // Siconos's Lemke ends on a ray there as well.
+            let expected = if name == "lcp_CPS_3.dat" { SolveStatus::NoSolution } else { SolveStatus::Solved };
+            assert_eq!(report.status, expected, "{name}");
         }
     }
 }

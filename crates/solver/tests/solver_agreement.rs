@@ -73,8 +73,6 @@ fn expected(name: &str, solver: &str) -> SolveStatus {
         "conic_qp" if friction => SolveStatus::Unsupported,
         // Sweeps carry a force one block down the stack; a light block on a heavy one gives way each time.
         "gauss_seidel" | "nncg" if name.starts_with("stack") => SolveStatus::Stalled,
-        // The turned polygons do not settle where many contacts slide at once.
-        "lemke" if name == "sphere, Coulomb" || name == "sphere, all laws" => SolveStatus::Stalled,
         _ => SolveStatus::Solved,
     }
 }
@@ -111,7 +109,47 @@ fn all_solvers_agree_on_gaps_and_where_unique_on_forces() {
     }
 }
 
-/// Forces of faceted cones come to those of the exact one as `1 - cos(pi / k)`, by pivoting as by sweeps.
+/// Friction that a `k`-gon loses: its support along a heading is `cos(pi / k)` of the disc's at worst, `1 - cos(pi / k) =
+/// O(k^-2)`, and exactly that along the middle of a side. One contact is slid along many headings; the friction against
+/// the slip is compared with that of the exact cone.
+#[test]
+fn faceted_cones_lose_friction_with_the_second_order_of_the_facets() {
+    const HEADINGS: usize = 720;
+    let friction = 0.4;
+    let most_lost = |facets: usize, solver: &str| {
+        let solver = Solver::from_name(solver).unwrap().limited(1e-12, None);
+        let lost = |heading: usize| {
+            let angle = std::f64::consts::TAU * heading as f64 / HEADINGS as f64;
+            let (sin, cos) = angle.sin_cos();
+            let w = DMatrix::identity(3, 3) * 1e-3;
+            let free = DVector::from_column_slice(&[-1e-3, 1e-2 * cos, 1e-2 * sin]);
+            let law = Law::from(FacetedCoulomb { friction, facets });
+            let problem = ConstraintProblem::new(w, free, [law]).unwrap();
+            let runs = run_all(std::slice::from_ref(&problem), &[solver], None, 0);
+            let (run, slip) = (&runs[0], gap(&problem, &runs[0]));
+            assert!(run.report.is_solved(), "{:?}", run.report);
+            let against = -(run.lambda[1] * slip[1] + run.lambda[2] * slip[2]) / slip[1].hypot(slip[2]);
+            1.0 - against / (friction * run.lambda[0])
+        };
+        (0..HEADINGS).map(lost).fold(0.0, f64::max)
+    };
+    for solver in ["gauss_seidel", "lemke"] {
+        let mut before = None;
+        for facets in [6, 12, 24, 48] {
+            let (most, bound) = (most_lost(facets, solver), 1.0 - (std::f64::consts::PI / facets as f64).cos());
+            println!("{solver}, {facets} facets: {most:.3e} of the friction lost, by geometry {bound:.3e}");
+            // Within the tolerance of the solver; attained up to the turn of the slip against the motion asked for.
+            assert!(most <= bound * (1.0 + 1e-6) && most >= 0.8 * bound, "{facets}: {most:e} {bound:e}");
+            if let Some(before) = before {
+                let order = f64::log2(before / most);
+                assert!((order - 2.0).abs() < 0.1, "order {order}");
+            }
+            before = Some(most);
+        }
+    }
+}
+
+/// Forces of faceted cones come to those of the exact one, by pivoting as by sweeps.
 #[test]
 fn faceted_cones_converge_to_the_exact_cone() {
     let solve = |law: Law, solver: &str| {
@@ -129,15 +167,19 @@ fn faceted_cones_converge_to_the_exact_cone() {
         let error = distance(&swept, &exact) / norm(&exact);
         let lost = 1.0 - (std::f64::consts::PI / facets as f64).cos();
         println!("{facets} facets: error {error:.1e}, friction lost by geometry {lost:.1e}");
-        // A slide between corners also errs in direction, by up to pi / k of the friction.
-        assert!(error <= 0.4 * std::f64::consts::PI / facets as f64, "{facets}: {error}");
+        // A corner is at most half a side's angle from the heading: by the chord, sqrt(2 (1 - cos(pi / k))) of the
+        // friction, which is 0.4 of the normal force.
+        assert!(error <= 0.4 * (2.0 * lost).sqrt(), "{facets}: {error}");
         errors.push(error);
         if facets == 8 {
             // Ten unknowns per contact: Lemke answers what the sweeps do.
             assert!(distance(&solve(law, "lemke"), &swept) <= 1e-7 * norm(&swept));
         }
     }
-    assert!(errors[2] < 0.5 * errors[0], "{errors:?}");
+    // Forces are free to move along a side, so that all in all only the lost friction is left: nearly second order too.
+    let order = 0.5 * f64::log2(errors[0] / errors[2]);
+    println!("order of the forces {order:.2}");
+    assert!(order > 1.6, "{errors:?}");
 }
 
 #[test]

@@ -286,6 +286,26 @@ proptest! {
         }
     }
 
+    // Stewart and Trinkle's matrix is copositive for W positive semidefinite and friction >= 0: pivoting ends with a solution.
+    #[test]
+    fn lemke_solves_friction_on_any_definite_compliance(
+        j in prop::collection::vec(-1.0..1.0_f64, 18 * 18), free in prop::collection::vec(-1.0..0.5_f64, 18),
+        friction in 0.0..0.8_f64, facets in 3..12_usize,
+    ) {
+        let j = DMatrix::from_vec(18, 18, j) / 18.0_f64.sqrt();
+        let w = (&j * j.transpose() + DMatrix::identity(18, 18) * 0.2) * 1e-3;
+        let w = (&w + w.transpose()) * 0.5;
+        for law in [Law::from(FacetedCoulomb { friction, facets }), Coulomb { friction }.into()] {
+            let problem = ConstraintProblem::new(w.clone(), DVector::from_column_slice(&free) * 1e-3, [law; 6]).unwrap();
+            let (lambda, delta, report) = solve(&Solver::from_name("lemke").unwrap().limited(1e-8, None), &problem);
+            prop_assert!(report.is_solved(), "{law:?}: {report:?}");
+            let judged = residual::evaluate(&problem.view(), &lambda, &mut delta.clone());
+            prop_assert!(judged.relative <= 1.01e-8 && is_admissible(&problem, &lambda));
+            // A faceted law needs no sweeps.
+            prop_assert!(report.iterations <= 1 || law == Coulomb { friction }.into(), "{report:?}");
+        }
+    }
+
     // Rank-deficient but consistent: W = J J^T with fewer columns than rows, and a motion that opens every gap.
     #[test]
     fn rank_deficient_problems_are_solved_untold(

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::error::TraceError;
-use crate::geometry::{BodyGeometry, ToolShape};
+use crate::geometry::{BodyGeometry, SolidGeometry, ToolShape};
 
 /// A file carried inside the trace: the scene, the rest mesh, a device preset.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -30,6 +30,8 @@ pub struct TraceConfig {
     pub attachments: Vec<Attachment>,
     /// Bodies whose nodes are traced, in the order of their nodes in the positions handed over. May be empty.
     pub bodies: Vec<BodyGeometry>,
+    /// Fixed and rigid bodies. May be empty.
+    pub solids: Vec<SolidGeometry>,
     /// Shape of the tool.
     pub tool: Option<ToolShape>,
     /// Every so many ticks a pose goes to `/tf` and `/tool/pose` (default 10: 100 Hz). At least 1.
@@ -58,6 +60,7 @@ impl Default for TraceConfig {
             engine: BTreeMap::new(),
             attachments: Vec::new(),
             bodies: Vec::new(),
+            solids: Vec::new(),
             tool: None,
             pose_stride: 10,
             geometry_stride: 2,
@@ -83,6 +86,11 @@ impl TraceConfig {
         self.bodies.iter().map(|body| body.rest_positions.len()).sum()
     }
 
+    /// Number of bodies that move as a whole.
+    pub fn rigid_count(&self) -> usize {
+        self.solids.iter().filter(|solid| solid.moves).count()
+    }
+
     pub(crate) fn validate(&self) -> Result<(), TraceError> {
         let at_least_one = [
             ("pose_stride", self.pose_stride),
@@ -101,6 +109,6 @@ impl TraceConfig {
             }
         }
         self.bodies.iter().try_for_each(BodyGeometry::validate)?;
-        self.tool.iter().try_for_each(ToolShape::validate)
+        self.tool.iter().chain(self.solids.iter().map(|solid| &solid.shape)).try_for_each(ToolShape::validate)
     }
 }

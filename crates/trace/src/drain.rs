@@ -95,6 +95,10 @@ impl<S: TraceSink> Drain<S> {
             self.write(|writer| writer.write_step(&record));
             any = true;
         }
+        while let Ok(record) = self.rings.rigid.pop() {
+            self.write(|writer| writer.write_rigid(&record));
+            any = true;
+        }
         while let Ok(record) = self.rings.step_log.pop().or_else(|_| self.rings.log.pop()) {
             self.write(|writer| writer.write_log(&record));
             any = true;

@@ -39,7 +39,20 @@ impl BodyGeometry {
     }
 }
 
-/// Shape of the tool, in the frame of the tool.
+/// A fixed or rigid body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SolidGeometry {
+    /// Name; the id of its entity in viewers, and of its frame where it moves.
+    pub name: String,
+    /// Its shape, in its own frame.
+    pub shape: ToolShape,
+    /// Origin of that frame (m), and its orientation `[x, y, z, w]`; of a body that moves: at the begin.
+    pub pose: ([f64; 3], [f64; 4]),
+    /// True for a rigid body.
+    pub moves: bool,
+}
+
+/// Shape of a tool or of a body, in its own frame.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ToolShape {
     /// A sphere about the origin of the tool.
@@ -70,7 +83,7 @@ impl ToolShape {
         match self {
             Self::Sphere { radius } | Self::Capsule { radius, .. } if !(*radius > 0.0 && radius.is_finite()) => {
                 Err(TraceError::Config {
-                    what: "the radius of the tool".into(),
+                    what: "the radius of a tool or body".into(),
                     value: radius.to_string(),
                     remedy: "it must be positive and finite, in metres",
                 })

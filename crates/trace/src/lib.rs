@@ -9,9 +9,10 @@
 //! | `/haptic/sample` | `palpate.HapticSample` | every tick |
 //! | `/sim/step` | `palpate.Step` | every step |
 //! | `/factor/event` | `palpate.Factor` | every factorisation |
-//! | `/tf`, `/tool/pose` | `foxglove.FrameTransforms`, `foxglove.PoseInFrame` | every `pose_stride` ticks |
+//! | `/tf`, `/tool/pose` | `foxglove.FrameTransforms`, `foxglove.PoseInFrame` | every `pose_stride` ticks; rigid bodies every step |
+//! | `/rigid/state` | `palpate.RigidBody` | every step, for each rigid body |
 //! | `/tissue/surface`, `/tissue/nodes` | `foxglove.SceneUpdate`, `foxglove.PointCloud` | every `geometry_stride` steps |
-//! | `/tool/shape` | `foxglove.SceneUpdate` | once |
+//! | `/tool/shape`, `/body/shapes` | `foxglove.SceneUpdate` | once |
 //! | `/log` | `foxglove.Log` | as it comes |
 //!
 //! SI units; `f64` fields are doubles in the file, so a replay compares forces to the bit. The unit of each field is
@@ -36,9 +37,11 @@ mod writer;
 pub use config::{Attachment, TraceConfig};
 pub use drain::InlineTrace;
 pub use error::TraceError;
-pub use geometry::{BodyGeometry, ToolShape};
+pub use geometry::{BodyGeometry, SolidGeometry, ToolShape};
 pub use reader::{Trace, TraceEvent, TraceReader};
-pub use record::{FactorRecord, FactorStatus, LogLevel, LogRecord, StepFlags, StepRecord, TickFlags, TickRecord};
+pub use record::{
+    FactorRecord, FactorStatus, LogLevel, LogRecord, RigidRecord, StepFlags, StepRecord, TickFlags, TickRecord,
+};
 pub use ring::{FactorTrace, StepTrace, TickTrace};
 pub use sink::TraceSink;
 pub use summary::{Dropped, TraceStatus, TraceSummary};

@@ -11,7 +11,7 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 
 use crate::config::Attachment;
 use crate::error::TraceError;
-use crate::record::{FactorRecord, LogRecord, Record, StepRecord, TickRecord};
+use crate::record::{FactorRecord, LogRecord, Record, RigidRecord, StepRecord, TickRecord};
 use crate::wire::WireError;
 
 /// Bytes asked of the system at a time.
@@ -24,6 +24,8 @@ pub enum TraceEvent {
     Tick(Box<TickRecord>),
     /// A step.
     Step(Box<StepRecord>),
+    /// A rigid body after a step.
+    Rigid(Box<RigidRecord>),
     /// A factorisation.
     Factor(FactorRecord),
     /// A line of the log.
@@ -51,6 +53,7 @@ pub enum TraceEvent {
 enum Content {
     Tick,
     Step,
+    Rigid,
     Factor,
     Log,
     Other,
@@ -197,6 +200,7 @@ fn event(record: McapRecord<'_>, tables: &mut Tables<'_>) -> Result<Option<Trace
             let decoded = match channel.content {
                 Content::Tick => TickRecord::decode(&data).map(|record| TraceEvent::Tick(Box::new(record))),
                 Content::Step => StepRecord::decode(&data).map(|record| TraceEvent::Step(Box::new(record))),
+                Content::Rigid => RigidRecord::decode(&data).map(|record| TraceEvent::Rigid(Box::new(record))),
                 Content::Factor => FactorRecord::decode(&data).map(TraceEvent::Factor),
                 Content::Log => LogRecord::decode(&data, time_ns).map(|record| TraceEvent::Log(Box::new(record))),
                 Content::Other => Ok(TraceEvent::Other { topic: channel.topic.clone(), time_ns }),
@@ -223,6 +227,7 @@ fn content(schema: Option<&String>) -> Content {
     match schema.and_then(|name| name.split_once('.')) {
         Some(("palpate", name)) if name == TickRecord::MESSAGE.name => Content::Tick,
         Some(("palpate", name)) if name == StepRecord::MESSAGE.name => Content::Step,
+        Some(("palpate", name)) if name == RigidRecord::MESSAGE.name => Content::Rigid,
         Some(("palpate", name)) if name == FactorRecord::MESSAGE.name => Content::Factor,
         Some(("foxglove", "Log")) => Content::Log,
         _ => Content::Other,
@@ -236,6 +241,8 @@ pub struct Trace {
     pub ticks: Vec<TickRecord>,
     /// Steps in order.
     pub steps: Vec<StepRecord>,
+    /// Rigid bodies, by step and body.
+    pub rigid: Vec<RigidRecord>,
     /// Factorisations in order.
     pub factors: Vec<FactorRecord>,
     /// The log in order.
@@ -284,6 +291,7 @@ impl Trace {
         match event {
             TraceEvent::Tick(record) => self.ticks.push(*record),
             TraceEvent::Step(record) => self.steps.push(*record),
+            TraceEvent::Rigid(record) => self.rigid.push(*record),
             TraceEvent::Factor(record) => self.factors.push(record),
             TraceEvent::Log(record) => self.log.push(*record),
             TraceEvent::Metadata { name, entries } => {

@@ -5,11 +5,13 @@
 
 mod factor;
 mod log;
+mod rigid;
 mod step;
 mod tick;
 
 pub use factor::{FactorRecord, FactorStatus};
 pub use log::{LogLevel, LogRecord};
+pub use rigid::RigidRecord;
 pub use step::{StepFlags, StepRecord};
 pub use tick::{TickFlags, TickRecord};
 
@@ -271,6 +273,7 @@ mod tests {
         numbers_are_unique::<TickRecord>();
         numbers_are_unique::<StepRecord>();
         numbers_are_unique::<FactorRecord>();
+        numbers_are_unique::<RigidRecord>();
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::config::TraceConfig;
-use crate::record::{FactorRecord, LogRecord, StepRecord, TickRecord};
+use crate::record::{FactorRecord, LogRecord, RigidRecord, StepRecord, TickRecord};
 use crate::summary::Dropped;
 
 /// Counters of dropped records, shared by the producers and the trace.
@@ -15,6 +15,7 @@ use crate::summary::Dropped;
 pub(crate) struct DropCounters {
     ticks: AtomicU64,
     steps: AtomicU64,
+    rigid: AtomicU64,
     factors: AtomicU64,
     log: AtomicU64,
     geometry: AtomicU64,
@@ -26,6 +27,7 @@ impl DropCounters {
         Dropped {
             ticks: read(&self.ticks),
             steps: read(&self.steps),
+            rigid: read(&self.rigid),
             factors: read(&self.factors),
             log: read(&self.log),
             geometry: read(&self.geometry),
@@ -81,6 +83,7 @@ impl FactorTrace {
 #[derive(Debug)]
 pub struct StepTrace {
     ring: Producer<StepRecord>,
+    rigid: Producer<RigidRecord>,
     log: Producer<LogRecord>,
     geometry: Producer<GeometryFrame>,
     free: Consumer<GeometryFrame>,
@@ -94,6 +97,11 @@ impl StepTrace {
     /// Hands over a record; `false` when the ring was full and the record was dropped and counted. Wait-free.
     pub fn push(&mut self, record: StepRecord) -> bool {
         push(&mut self.ring, record, &self.dropped.steps)
+    }
+
+    /// Hands over where a rigid body is; `false` when it was dropped and counted. Wait-free.
+    pub fn push_rigid(&mut self, record: RigidRecord) -> bool {
+        push(&mut self.rigid, record, &self.dropped.rigid)
     }
 
     /// Hands over a line of the log; `false` when it was dropped and counted. Wait-free.
@@ -127,6 +135,7 @@ impl StepTrace {
 pub(crate) struct Rings {
     pub(crate) ticks: Consumer<TickRecord>,
     pub(crate) steps: Consumer<StepRecord>,
+    pub(crate) rigid: Consumer<RigidRecord>,
     pub(crate) factors: Consumer<FactorRecord>,
     pub(crate) step_log: Consumer<LogRecord>,
     pub(crate) log: Consumer<LogRecord>,
@@ -161,6 +170,7 @@ pub(crate) fn rings(config: &TraceConfig) -> (Rings, Producers) {
     let dropped = Arc::new(DropCounters::default());
     let (tick, ticks) = RingBuffer::new(config.tick_capacity);
     let (step, steps) = RingBuffer::new(config.step_capacity);
+    let (rigid, rigid_out) = RingBuffer::new(config.step_capacity * config.rigid_count());
     let (factor, factors) = RingBuffer::new(config.factor_capacity);
     let (step_log, step_log_out) = RingBuffer::new(config.log_capacity);
     let (log, log_out) = RingBuffer::new(config.log_capacity);
@@ -177,6 +187,7 @@ pub(crate) fn rings(config: &TraceConfig) -> (Rings, Producers) {
         tick: TickTrace { ring: tick, dropped: shared() },
         step: StepTrace {
             ring: step,
+            rigid,
             log: step_log,
             geometry,
             free: free_out,
@@ -188,7 +199,16 @@ pub(crate) fn rings(config: &TraceConfig) -> (Rings, Producers) {
         factor: FactorTrace { ring: factor, dropped: shared() },
         log: LogTrace { ring: log, dropped: shared() },
     };
-    let rings =
-        Rings { ticks, steps, factors, step_log: step_log_out, log: log_out, geometry: geometry_out, free, dropped };
+    let rings = Rings {
+        ticks,
+        steps,
+        rigid: rigid_out,
+        factors,
+        step_log: step_log_out,
+        log: log_out,
+        geometry: geometry_out,
+        free,
+        dropped,
+    };
     (rings, producers)
 }

@@ -14,6 +14,8 @@ pub struct Dropped {
     pub ticks: u64,
     /// Steps.
     pub steps: u64,
+    /// States of rigid bodies.
+    pub rigid: u64,
     /// Factorisations.
     pub factors: u64,
     /// Lines of the log.
@@ -28,9 +30,16 @@ impl Dropped {
         self.entries().iter().map(|(_, count)| count).sum()
     }
 
-    pub(crate) fn entries(&self) -> [(&'static str, u64); 5] {
-        let Self { ticks, steps, factors, log, geometry } = *self;
-        [("ticks", ticks), ("steps", steps), ("factors", factors), ("log", log), ("geometry", geometry)]
+    pub(crate) fn entries(&self) -> [(&'static str, u64); 6] {
+        let Self { ticks, steps, rigid, factors, log, geometry } = *self;
+        [
+            ("ticks", ticks),
+            ("steps", steps),
+            ("rigid", rigid),
+            ("factors", factors),
+            ("log", log),
+            ("geometry", geometry),
+        ]
     }
 }
 

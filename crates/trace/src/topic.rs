@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use foxglove::Encode;
 use foxglove::messages::{FrameTransforms, Log, PointCloud, PoseInFrame, SceneUpdate};
 
-use crate::record::{FactorRecord, Record, StepRecord, TickRecord};
+use crate::record::{FactorRecord, Record, RigidRecord, StepRecord, TickRecord};
 
 /// The channels of a trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Topic {
-    /// Frames `tool` and `device` in `world`.
+    /// Frames `tool`, `device` and those of rigid bodies, by their names, in `world`.
     Transforms,
     /// Pose of the tool.
     ToolPose,
@@ -20,6 +20,10 @@ pub enum Topic {
     HapticSample,
     /// One report per step.
     Step,
+    /// Where each rigid body is after each step.
+    RigidState,
+    /// Shapes of fixed and rigid bodies, once.
+    BodyShapes,
     /// One event per factorisation.
     Factor,
     /// Deformed surface of the tissue.
@@ -40,12 +44,14 @@ pub(crate) struct TopicSchema {
 
 impl Topic {
     /// Every topic, in the order of their channels.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::Transforms,
         Self::ToolPose,
         Self::ToolShape,
         Self::HapticSample,
         Self::Step,
+        Self::RigidState,
+        Self::BodyShapes,
         Self::Factor,
         Self::TissueSurface,
         Self::TissueNodes,
@@ -60,6 +66,8 @@ impl Topic {
             Self::ToolShape => "/tool/shape",
             Self::HapticSample => "/haptic/sample",
             Self::Step => "/sim/step",
+            Self::RigidState => "/rigid/state",
+            Self::BodyShapes => "/body/shapes",
             Self::Factor => "/factor/event",
             Self::TissueSurface => "/tissue/surface",
             Self::TissueNodes => "/tissue/nodes",
@@ -71,11 +79,12 @@ impl Topic {
         match self {
             Self::Transforms => foxglove_schema::<FrameTransforms>(),
             Self::ToolPose => foxglove_schema::<PoseInFrame>(),
-            Self::ToolShape | Self::TissueSurface => foxglove_schema::<SceneUpdate>(),
+            Self::ToolShape | Self::BodyShapes | Self::TissueSurface => foxglove_schema::<SceneUpdate>(),
             Self::TissueNodes => foxglove_schema::<PointCloud>(),
             Self::Log => foxglove_schema::<Log>(),
             Self::HapticSample => record_schema::<TickRecord>(),
             Self::Step => record_schema::<StepRecord>(),
+            Self::RigidState => record_schema::<RigidRecord>(),
             Self::Factor => record_schema::<FactorRecord>(),
         }
     }

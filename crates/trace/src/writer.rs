@@ -13,8 +13,10 @@ use mcap::{Compression, McapError, McapResult, WriteOptions};
 
 use crate::config::TraceConfig;
 use crate::error::TraceError;
-use crate::record::{FactorRecord, LogRecord, Record, StepRecord, TickRecord};
-use crate::scene_message::{TissueMessages, frame_transforms, log, tool_pose, tool_shape};
+use crate::record::{FactorRecord, LogRecord, Record, RigidRecord, StepRecord, TickRecord};
+use crate::scene_message::{
+    TissueMessages, body_shapes, frame_transforms, log, rigid_transform, tool_pose, tool_shape,
+};
 use crate::sink::{CountingSink, TraceSink};
 use crate::topic::Topic;
 
@@ -48,6 +50,8 @@ pub struct TraceWriter<S: TraceSink> {
     whole_counts: [u32; Topic::ALL.len()],
     start_unix_ns: u64,
     pose_stride: u64,
+    /// Names of the bodies that move.
+    rigid: Vec<String>,
     flush_period_ns: u64,
     next_flush_ns: u64,
     tissue: Option<TissueMessages>,
@@ -92,6 +96,7 @@ impl<S: TraceSink> TraceWriter<S> {
             whole_counts: [0; Topic::ALL.len()],
             start_unix_ns: config.start_unix_ns,
             pose_stride: config.pose_stride,
+            rigid: config.solids.iter().filter(|s| s.moves).map(|s| s.name.clone()).collect(),
             flush_period_ns: config.flush_period_ns,
             next_flush_ns: config.flush_period_ns,
             tissue: (!config.bodies.is_empty()).then(|| TissueMessages::new(&config.bodies)),
@@ -124,6 +129,9 @@ impl<S: TraceSink> TraceWriter<S> {
         if let Some(shape) = &config.tool {
             self.write_foxglove(Topic::ToolShape, 0, &tool_shape(shape, config.start_unix_ns))?;
         }
+        if !config.solids.is_empty() {
+            self.write_foxglove(Topic::BodyShapes, 0, &body_shapes(&config.solids, config.start_unix_ns))?;
+        }
         self.mcap.flush()?;
         self.mark_whole();
         Ok(())
@@ -144,6 +152,15 @@ impl<S: TraceSink> TraceWriter<S> {
     /// [`TraceError::Write`]
     pub fn write_step(&mut self, step: &StepRecord) -> Result<(), TraceError> {
         let written = self.write_record(Topic::Step, step.time_ns, step);
+        self.checked(written)
+    }
+
+    /// Writes where a rigid body is, and the frame of its shape.
+    ///
+    /// # Errors
+    /// [`TraceError::Write`]
+    pub fn write_rigid(&mut self, body: &RigidRecord) -> Result<(), TraceError> {
+        let written = self.put_rigid(body);
         self.checked(written)
     }
 
@@ -250,6 +267,13 @@ impl<S: TraceSink> TraceWriter<S> {
             self.write_foxglove(Topic::ToolPose, tick.time_ns, &tool_pose(tick, unix_ns))?;
         }
         Ok(())
+    }
+
+    fn put_rigid(&mut self, body: &RigidRecord) -> McapResult<()> {
+        self.write_record(Topic::RigidState, body.time_ns, body)?;
+        let Some(name) = self.rigid.get(body.body as usize) else { return Ok(()) };
+        let message = rigid_transform(name, body, self.unix_ns(body.time_ns));
+        self.write_foxglove(Topic::Transforms, body.time_ns, &message)
     }
 
     fn write_record<R: Record>(&mut self, topic: Topic, time_ns: u64, record: &R) -> McapResult<()> {

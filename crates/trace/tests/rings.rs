@@ -15,6 +15,7 @@ fn a_full_ring_drops_the_newest_and_counts() {
         log_capacity: 4,
         geometry_buffers: 2,
         geometry_stride: 1,
+        solids: sample::solids(),
         ..sample::config()
     };
     let (mut trace, mut ticks, mut steps, mut factors) =
@@ -24,6 +25,8 @@ fn a_full_ring_drops_the_newest_and_counts() {
     assert_eq!(taken, 10);
     assert_eq!((0..7).filter(|&k| steps.push(sample::step(k))).count(), 3);
     assert_eq!((1..6).filter(|&k| factors.push(sample::factor(k))).count(), 2);
+    let bodies = (0..8).filter(|&k| steps.push_rigid(sample::rigid(k))).count();
+    assert_eq!(bodies, 3, "one body moves: as many records as steps");
     let line = LogRecord::new(0, LogLevel::Info, "step", "line");
     assert_eq!((0..9).filter(|_| steps.log(line)).count(), 4);
     assert_eq!((0..6).filter(|_| trace.log(line)).count(), 4);
@@ -35,7 +38,7 @@ fn a_full_ring_drops_the_newest_and_counts() {
         });
     }
     assert_eq!(filled, 2, "without a free buffer nothing is filled");
-    let dropped = Dropped { ticks: 15, steps: 4, factors: 3, log: 5 + 2, geometry: 3 };
+    let dropped = Dropped { ticks: 15, steps: 4, rigid: 5, factors: 3, log: 5 + 2, geometry: 3 };
     assert_eq!(trace.status().dropped, dropped);
 
     // Room again after a drain, buffers included.

@@ -101,6 +101,7 @@ impl Bits {
             correction_iterations: self.count() as u32,
             overlap: self.double(),
             cuts: self.count() as u32,
+            solver_attempts: self.count() as u32,
         }
     }
 }
@@ -123,7 +124,7 @@ fn step_bits(r: &StepRecord) -> Vec<u64> {
     let more = [r.correction_ns, r.snapshot_ns, r.total_ns, r.step, r.time_ns, r.factor_epoch];
     let counts =
         [r.contacts, r.cg_iterations, r.solver_sweeps, r.inverted_elements, r.filtered_elements, r.cuts, r.flags.0];
-    let counts = counts.map(u64::from).into_iter().chain([r.worst_row as u64]);
+    let counts = counts.map(u64::from).into_iter().chain([r.worst_row as u64, r.solver_attempts.into()]);
     doubles.chain(durations).chain(more).chain(counts).collect()
 }
 
@@ -160,6 +161,22 @@ fn any_bits_come_back() {
     for (read, written) in trace.steps.iter().zip(&steps) {
         assert_eq!(step_bits(read), step_bits(written));
     }
+}
+
+#[test]
+fn rigid_bodies_come_back_to_the_bit_with_their_frames_and_shapes() {
+    let config = palpate_trace::TraceConfig { solids: sample::solids(), ..sample::config() };
+    let mut writer = TraceWriter::new(Cursor::new(Vec::new()), &config).unwrap();
+    (0..40).for_each(|k| writer.write_rigid(&sample::rigid(k)).unwrap());
+    // A body that the trace was not told of has no name, and so no frame.
+    writer.write_rigid(&palpate_trace::RigidRecord { body: 7, ..sample::rigid(40) }).unwrap();
+    let (sink, report, failure) = writer.finish();
+    assert!(failure.is_none(), "{failure:?}");
+    let count = |topic| report.messages.iter().find(|(t, _)| *t == topic).map(|(_, count)| *count);
+    assert_eq!([Topic::RigidState, Topic::Transforms, Topic::BodyShapes].map(count), [Some(41), Some(40), Some(1)]);
+    let trace = read(sink.into_inner());
+    assert_eq!(trace.rigid.len(), 41);
+    assert!(trace.rigid.iter().take(40).zip(0..).all(|(body, k)| body.same_bits(&sample::rigid(k))));
 }
 
 #[test]
@@ -226,7 +243,7 @@ fn poses_and_geometry_are_decimated_and_counted() {
     let read = read(sink.unwrap().into_inner());
     assert_eq!((read.ticks.len(), read.steps.len(), read.factors.len()), (990, 30, 10));
     for (topic, messages) in summary.messages {
-        let own = [Topic::HapticSample, Topic::Step, Topic::Factor, Topic::Log].contains(&topic);
+        let own = [Topic::HapticSample, Topic::Step, Topic::RigidState, Topic::Factor, Topic::Log].contains(&topic);
         assert_eq!(read.others.get(topic.name()).copied(), (!own).then_some(messages), "{topic:?}");
     }
 }

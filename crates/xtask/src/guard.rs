@@ -20,6 +20,7 @@ const GUARDS: &[Guard] = &[
     Guard { name: "test", what: "unit and truth tests", run: test },
     Guard { name: "examples", what: "every example runs", run: examples },
     Guard { name: "program", what: "the program runs a scene and writes what it says", run: program },
+    Guard { name: "embed", what: "the C example builds by its Makefile and runs", run: embed },
     Guard { name: "trace", what: "an independent reader decodes the trace", run: trace },
     Guard { name: "realtime", what: "RealtimeSanitizer finds nothing in the tick", run: realtime },
     Guard { name: "loom", what: "every order of two threads hands values over whole", run: crate::loom::check },
@@ -88,6 +89,12 @@ fn test() -> Outcome {
     execute(&mut cargo(&["test", "--release", "--workspace"]))
 }
 
+/// Writes the header of the C library; the test that compares it is what knows how.
+pub(crate) fn write_header() -> Outcome {
+    let mut command = cargo(&["test", "--release", "--package", "palpate-capi", "--test", "header"]);
+    execute(command.env("PALPATE_WRITE_HEADER", "1"))
+}
+
 /// Every example of the root package, found by its file.
 fn examples() -> Outcome {
     let folder = root().join("examples");
@@ -148,6 +155,18 @@ fn program() -> Outcome {
         "--json",
         "--quiet",
     ]))
+}
+
+/// Builds the C library and its example as a user does, and runs it linked both ways.
+fn embed() -> Outcome {
+    let out = output_folder()?.join("c");
+    let build = format!("BUILD={}", out.display());
+    execute(&mut cargo(&["build", "--release", "--package", "palpate-capi"]))?;
+    execute(Command::new("make").args(["--directory", "examples/c", &build]))?;
+    for linked in ["shared", "static"] {
+        execute(Command::new(out.join(linked)).args(["block", "2"]))?;
+    }
+    Ok(())
 }
 
 /// Reads the trace of [`program`] with the `mcap` package of PyPI, and its end state with meshio.

@@ -28,11 +28,16 @@ enum Command {
         #[arg(long, value_name = "GUARD", value_delimiter = ',')]
         skip: Vec<String>,
     },
+    /// Write the header of the C library anew; a test holds it to the source.
+    Header,
 }
 
 fn main() -> ExitCode {
-    let Command::Test { only, skip } = Arguments::parse().command;
-    match guard::run(&only, &skip) {
+    let outcome = match Arguments::parse().command {
+        Command::Test { only, skip } => guard::run(&only, &skip),
+        Command::Header => guard::write_header(),
+    };
+    match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(message) => {
             println!("\n{message}");

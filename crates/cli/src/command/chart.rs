@@ -2,21 +2,19 @@
 
 use std::path::Path;
 
-use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use miette::{IntoDiagnostic, Result, miette};
 
 use crate::arguments::{ChartArguments, ChartName};
 use crate::chart::{Chart, Settings, Work, compliance, plot, solvers, tissue};
 use crate::exit;
-use crate::output::{check_writable, say};
+use crate::output::{check_writable, make_folder, say};
 
 /// Where reference data lie unless the command line names a folder; measured without them where they do not.
 const REFERENCE: &str = "../shared/reference";
 
 pub(crate) fn chart(arguments: &ChartArguments) -> Result<u8> {
     let name = arguments.chart.name();
-    std::fs::create_dir_all(&arguments.out)
-        .into_diagnostic()
-        .wrap_err_with(|| format!("--out {}: no such folder, and it cannot be made", arguments.out.display()))?;
+    make_folder("--out", &arguments.out)?;
     let picture = arguments.out.join(format!("{name}.svg"));
     check_writable("--out", &picture)?;
     let settings = Settings { quick: arguments.quick, data: data(arguments)? };

@@ -2,6 +2,7 @@
 
 pub(crate) mod chart;
 pub(crate) mod check;
+pub(crate) mod devices;
 pub(crate) mod equilibrium;
 pub(crate) mod mesh;
 pub(crate) mod plan;

@@ -5,11 +5,11 @@ use std::time::Instant;
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use miette::{Report, Result};
 use palpate::constraints::compliance::ComplianceMethod;
-use palpate::fem::factor::Factor;
+use palpate::fem::factor::{Factor, FactorStatus, SolveWorkspace};
 use palpate::scene::{IntegratorKind, Refactor, Scene};
 use palpate::simulation::Simulation;
 use palpate::step::StepTimes;
-use palpate::world::World;
+use palpate::world::{Plan, World};
 use std::sync::Arc;
 
 use crate::output::say;
@@ -22,8 +22,10 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
     say(format_args!("{}: {}", world.scene().name(), world.plan()))?;
     let mut table = Table::new();
     table.load_style(presets::UTF8_FULL_CONDENSED);
-    table.set_header(["", "predicted [ms]", "measured [ms]"]);
-    let measured = if measure { Some(times(&world)?) } else { None };
+    table.set_header(["", "predicted, nominal machine [ms]", "measured here [ms]"]);
+    let mut simulation = Simulation::new(&world).map_err(|e| Report::msg(e.to_string()))?;
+    let here = FactorTimes::measure(&world, &mut simulation)?;
+    let measured = measure.then(|| times(&world, &mut simulation));
     let mut row = |name: &str, predicted: Option<f64>, measured: Option<f64>| {
         let cell = |v: Option<f64>| {
             Cell::new(v.map_or("-".into(), |v| format!("{:.2}", 1e3 * v))).set_alignment(CellAlignment::Right)
@@ -31,9 +33,9 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
         table.add_row([Cell::new(name), cell(predicted), cell(measured)]);
     };
     let plan = world.plan();
-    row(factorization(&world), Some(plan.factorization), measured.as_ref().map(|m| m.factorization));
-    row("one solve with the factor", Some(plan.solve), None);
-    if let Some(Measured { step: t, .. }) = &measured {
+    row(factorization(&world), Some(plan.factorization), Some(here.factorization));
+    row("one solve with the factor", Some(plan.solve), Some(here.solve));
+    if let Some(t) = &measured {
         for (name, time) in [
             ("assembly", t.assembly),
             ("free motion", t.free_motion),
@@ -45,6 +47,21 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
     }
     row("time that a step has", Some(world.dt()), None);
     say(table)?;
+    if let Some(hint) = other_choice(&world, &here) {
+        say(hint)?;
+    }
+    let bodies = world.bodies();
+    if !bodies.is_empty() {
+        let capacity = world.contact_capacity();
+        say(format_args!(
+            "{} fixed and {} rigid bodies, {} pairs that can touch besides tool and tissue: at most {capacity} contacts, a \
+             compliance of {:.1} MB; A⁻¹ of a rigid body is direct",
+            bodies.fixed.len(),
+            bodies.rigid.len(),
+            bodies.pairs.len(),
+            8e-6 * (3 * capacity).pow(2) as f64,
+        ))?;
+    }
     say(format_args!(
         "error of the compliance: {}",
         match (plan.compliance, plan.sample_iterations) {
@@ -68,25 +85,63 @@ fn factorization(world: &World) -> &'static str {
     }
 }
 
-struct Measured {
+/// Times of this body's own factor on this machine (s), on one core as the factor thread has.
+struct FactorTimes {
     factorization: f64,
-    step: StepTimes,
+    solve: f64,
+}
+
+impl FactorTimes {
+    /// Medians with the matrix of a step.
+    fn measure(world: &World, simulation: &mut Simulation<'_>) -> Result<Self> {
+        simulation.step(&world.first_pose());
+        let system = &simulation.workspace().fem.system;
+        let mut factor = Factor::new(Arc::clone(world.symbolic()));
+        if factor.refactor(system).status != FactorStatus::Ok {
+            return Err(Report::msg("the matrix of the first step cannot be factored"));
+        }
+        let mut workspace = SolveWorkspace::new(world.symbolic());
+        let mut x = simulation.workspace().fem.rhs.clone();
+        let solve = median(|| _ = factor.solve(&mut x, &mut workspace));
+        Ok(Self { factorization: median(|| _ = factor.refactor(system)), solve })
+    }
+}
+
+/// Median time of `work` (s).
+fn median(mut work: impl FnMut()) -> f64 {
+    let mut times = [(); STEPS].map(|()| {
+        let begin = Instant::now();
+        work();
+        begin.elapsed().as_secs_f64()
+    });
+    times.sort_by(f64::total_cmp);
+    times[STEPS / 2]
+}
+
+/// Whether this machine would have been planned for otherwise: the plan is made for a nominal one, so that a scene is
+/// computed by the same methods everywhere.
+fn other_choice(world: &World, here: &FactorTimes) -> Option<String> {
+    let (body, plan) = (&world.description().bodies[0], world.plan());
+    let automatic = body.compliance == ComplianceMethod::Automatic && body.refactor.is_none() && !plan.constant;
+    let fits = here.factorization <= Plan::largest_in_step(world.dt());
+    let milliseconds = 1e3 * here.factorization;
+    match plan.refactor {
+        Refactor::Thread if automatic && fits => Some(format!(
+            "on this machine a factorisation takes {milliseconds:.1} ms and would fit in the step: \
+             compliance = \"exact\" does so"
+        )),
+        Refactor::Step if automatic && !fits => Some(format!(
+            "on this machine a factorisation takes {milliseconds:.1} ms, too long for the step: \
+             compliance = \"asynchronous\" leaves it to a thread"
+        )),
+        _ => None,
+    }
 }
 
 /// Medians over a few steps with the tool where it begins.
-fn times(world: &World) -> Result<Measured> {
-    let mut simulation = Simulation::new(world).map_err(|e| Report::msg(e.to_string()))?;
+fn times(world: &World, simulation: &mut Simulation<'_>) -> StepTimes {
     let pose = world.first_pose();
-    let mut steps: Vec<StepTimes> = (0..STEPS).map(|_| simulation.step(&pose).times).collect();
+    let mut steps = [(); STEPS].map(|()| simulation.step(&pose).times);
     steps.sort_by(|a, b| a.total.total_cmp(&b.total));
-    let mut factor = Factor::new(Arc::clone(world.symbolic()));
-    let mut factorizations: Vec<f64> = (0..STEPS)
-        .map(|_| {
-            let begin = Instant::now();
-            factor.refactor(&simulation.workspace().fem.system);
-            begin.elapsed().as_secs_f64()
-        })
-        .collect();
-    factorizations.sort_by(f64::total_cmp);
-    Ok(Measured { factorization: factorizations[STEPS / 2], step: steps[STEPS / 2] })
+    steps[STEPS / 2]
 }

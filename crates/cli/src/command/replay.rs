@@ -15,6 +15,9 @@ pub(crate) fn replay(trace: &Path) -> Result<u8> {
         say(format_args!("{path}: {} ticks, every force and pose the same to the bit", report.ticks))?;
         return Ok(0);
     }
+    if let Some(step) = report.first_body_difference {
+        say(format_args!("{path}: a rigid body is elsewhere after step {step}"))?;
+    }
     say(format_args!(
         "{path}: {} ticks, {} unmatched; first difference at tick {}, largest difference {:.3e} N",
         report.ticks,

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, Report, Result, miette};
 use palpate::export::write_state;
+use palpate::problem_files::saved_in;
 use palpate::run::{Length, Observer, Progress, RunOptions, RunOutcome, run as run_scene};
 use palpate::scene::Scene;
 use palpate::step::StepReport;
@@ -25,6 +26,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<u8> {
     let untraced = outputs.check(&inputs(arguments, &scene))?;
     let world = scene.build().map_err(super::report)?;
     if let Some(folder) = &arguments.save_problems {
+        clear_problems(folder, arguments.force)?;
         make_folder("--save-problems", folder)?;
     }
     for warning in world.warnings().iter().chain(&untraced) {
@@ -65,6 +67,30 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<u8> {
     })
 }
 
+/// Sees to it that the problems of an earlier run do not mix with those of this one.
+fn clear_problems(folder: &Path, force: bool) -> Result<()> {
+    let told = |e: &dyn std::fmt::Display| {
+        let help = "name a folder that can be made or read";
+        miette!(help = help, "--save-problems {}: {e}", folder.display())
+    };
+    let earlier = saved_in(folder).map_err(|e| told(&e))?;
+    match earlier.first() {
+        Some(first) if !force => {
+            let name = first.file_name().unwrap_or_default().display();
+            let help = "name another folder, or give --force to remove them; other files there are kept";
+            let folder = folder.display();
+            Err(miette!(
+                help = help,
+                "--save-problems {folder}: holds {} problems of an earlier run: {name}",
+                earlier.len()
+            ))
+        }
+        _ => earlier.iter().try_for_each(|file| {
+            std::fs::remove_file(file).map_err(|e| told(&format!("{} cannot be removed: {e}", file.display())))
+        }),
+    }
+}
+
 /// The scene with the changes that the command line asks for.
 fn scene(arguments: &RunArguments) -> Result<Scene> {
     let mut scene = Scene::open(&arguments.scene).map_err(super::report)?;
@@ -87,11 +113,10 @@ fn scene(arguments: &RunArguments) -> Result<Scene> {
 fn inputs(arguments: &RunArguments, scene: &Scene) -> Vec<PathBuf> {
     let file = Path::new(&arguments.scene);
     let body = &scene.description().bodies[0];
-    let beside = |name: &String| file.parent().unwrap_or(Path::new("")).join(name);
-    [Some(file.to_path_buf()), body.mesh.as_ref().map(beside), body.image.as_ref().map(beside)]
-        .into_iter()
-        .flatten()
-        .collect()
+    let beside = |name: &str| file.parent().unwrap_or(Path::new("")).join(name);
+    let shapes = scene.description().shape_files().map(|name| Some(beside(name)));
+    let body = [Some(file.to_path_buf()), body.mesh.as_deref().map(beside), body.image.as_deref().map(beside)];
+    body.into_iter().chain(shapes).flatten().collect()
 }
 
 /// Writes table, picture and end state; what cannot be written is told in `lost`, for the run itself is not.

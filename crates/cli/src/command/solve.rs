@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use miette::{IntoDiagnostic, Result, miette};
-use palpate::solver::comparison::{SolverRun, run_all};
+use miette::{IntoDiagnostic, Report, Result, miette};
+use palpate::solver::comparison::{SolverRun, run_all_from};
 use palpate::solver::problem::ConstraintProblem;
-use palpate::solver::problem_file;
+use palpate::solver::problem_file::{self, ProblemFileError};
 use palpate::solver::solver::Solver;
 use serde_json::{Value, json};
 
@@ -26,18 +26,18 @@ pub(crate) fn solve(arguments: &SolveArguments) -> Result<u8> {
         check_writable("--out", out)?;
     }
     // Every file is read before any is solved: a mistake in the last must not cost the time of the others.
-    let problems = arguments.files.iter().map(|file| open(file)).collect::<Result<Vec<_>>>()?;
+    let problems = arguments.files.iter().map(|file| open(file, arguments.warm)).collect::<Result<Vec<_>>>()?;
     let solvers = solvers(arguments);
     let samples = if arguments.json { HISTORY } else { 0 };
     let (mut all_solved, mut described) = (true, Vec::new());
-    for (file, problem) in arguments.files.iter().zip(&problems) {
+    for (file, (problem, start)) in arguments.files.iter().zip(&problems) {
         // Not one of contact, then; some solvers take it all the same.
         if let Err(warning) = problem.validate() {
             eprintln!("warning: {}: {warning}", file.display());
         } else if let Err(warning) = problem.check_semidefinite() {
             eprintln!("warning: {}: {warning}", file.display());
         }
-        let runs = run_all(std::slice::from_ref(problem), &solvers, arguments.time_limit, samples);
+        let runs = run_all_from(problem, start, &solvers, arguments.time_limit, samples);
         all_solved &= runs.iter().any(|run| run.report.is_solved());
         if arguments.json {
             described.push(description(file, problem, arguments.tol, &runs));
@@ -60,15 +60,33 @@ pub(crate) fn solve(arguments: &SolveArguments) -> Result<u8> {
     Ok(if all_solved { 0 } else { exit::NOT_SOLVED })
 }
 
-/// The problem in a file, with numbers that a solver can begin with.
-fn open(file: &Path) -> Result<ConstraintProblem> {
-    // An error of the file system names the file itself.
-    let problem = problem_file::open(file).map_err(|e| match e {
-        io @ problem_file::ProblemFileError::Io { .. } => miette!("{io}"),
-        other => miette!("{}: {other}", file.display()),
-    })?;
+/// The problem in a file, with numbers that a solver can begin with, and the forces to begin with: none unless `warm`.
+fn open(file: &Path, warm: bool) -> Result<(ConstraintProblem, Vec<f64>)> {
+    let (problem, forces) = problem_file::open_with_forces(file).map_err(|e| unreadable(file, &e))?;
     problem.validate_symmetric_to(f64::INFINITY).map_err(|e| miette!("{}: {e}", file.display()))?;
-    Ok(problem)
+    let start = match forces.start {
+        Some(start) if warm => start,
+        None if warm => {
+            let help = "leave --warm out, or solve a file of `palpate run --save-problems`";
+            return Err(miette!(help = help, "--warm: {} holds no forces to begin with", file.display()));
+        }
+        _ => Vec::new(),
+    };
+    Ok((problem, start))
+}
+
+/// What is wrong with a file, and what to hand over instead.
+fn unreadable(file: &Path, error: &ProblemFileError) -> Report {
+    let name = file.display();
+    if file.is_dir() {
+        return miette!(help = format!("name the problems in it: {name}/*"), "{name} is a folder");
+    }
+    let told = match error {
+        // An error of the file system names the file itself.
+        io @ ProblemFileError::Io { .. } => io.to_string(),
+        other => format!("{name}: {other}"),
+    };
+    miette!(help = "name a problem file: `palpate run SCENE --save-problems DIR` writes some", "{told}")
 }
 
 fn solvers(arguments: &SolveArguments) -> Vec<Solver> {

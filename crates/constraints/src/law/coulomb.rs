@@ -19,13 +19,15 @@
 //! ```
 //!
 //! With `W_aa` positive definite a root exists: at `s = 0` the force is the stick force, outside K, and for `s >= s_max`
-//! (closed form) it is inside. `h(s) = mu lambda_n / |lambda_t| - 1` is solved by Newton inside that bracket. `h` is
+//! (closed form) it is inside. `h(s) = mu lambda_n / |lambda_t| - 1` is solved by Newton inside that bracket, from the `s`
+//! that belongs to a force nearby where one is known, else from 0. `h` is
 //! linear in `s` where `S` is isotropic, coupled or not, so that few iterations are needed; a step that leaves the
 //! bracket is replaced by a bisection, so that their number is bounded. For large `mu` and strong coupling the local
 //! problem itself has several solutions; separation is taken before stick, and stick before slip.
 
 use super::{ConicForm, ContactLaw, LawError, Linearization, LocalCompliance, is_finite};
 use nalgebra::{Vector2, Vector3};
+use palpate_fem::lanes::Real;
 use serde::{Deserialize, Serialize};
 
 /// Largest friction coefficient accepted; beyond it a contact is better described by bilateral tangential rows.
@@ -33,6 +35,9 @@ pub const MAX_FRICTION: f64 = 1e3;
 
 /// Newton takes 2 to 6 steps; this many are reached only when bisection runs down to neighbouring numbers.
 const MAX_ITERATIONS: usize = 100;
+
+/// A step of Newton below this part of the unknown is the last: the error behind it is below rounding.
+const LAST_STEP: f64 = 1e-9;
 
 /// Unilateral contact with dry friction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -71,6 +76,12 @@ impl ContactLaw for Coulomb {
     #[inline]
     #[allow(non_snake_case)]
     fn resolve(&self, W: &LocalCompliance, b: &Vector3<f64>) -> Vector3<f64> {
+        self.resolve_from(W, b, &Vector3::zeros())
+    }
+
+    #[inline]
+    #[allow(non_snake_case)]
+    fn resolve_from(&self, W: &LocalCompliance, b: &Vector3<f64>, start: &Vector3<f64>) -> Vector3<f64> {
         if b.x >= 0.0 || W.is_rigid() {
             return Vector3::zeros();
         }
@@ -82,7 +93,7 @@ impl ContactLaw for Coulomb {
         if stick.x > 0.0 && stick.yz().norm() <= self.friction * stick.x && is_finite(&stick) {
             return stick;
         }
-        let slip = self.slip(W, b);
+        let slip = self.slip(W, b, start);
         if is_finite(&slip) { slip } else { frictionless }
     }
 
@@ -117,6 +128,11 @@ impl ContactLaw for Coulomb {
         ConicForm::SecondOrder { friction: self.friction }
     }
 
+    #[inline]
+    fn natural_map(&self, rho: f64, delta: &Vector3<f64>, lambda: &Vector3<f64>) -> Vector3<f64> {
+        natural_map(self.friction, rho, (*delta).into(), (*lambda).into()).into()
+    }
+
     /// The equation of [Alart and Curnier 1991], with `x = lambda - rho delta`: no force where `x_n <= 0`; else
     /// `delta_n = 0` and `lambda_t` the projection of `x_t` onto the disc of radius `mu x_n`.
     #[inline]
@@ -132,8 +148,34 @@ impl ContactLaw for Coulomb {
     }
 }
 
+/// [`ContactLaw::natural_map`] of one contact, or of one in each lane. `rho` in N/m, `delta` in m, `lambda` in N.
+#[inline(always)]
+pub(super) fn natural_map<T: Real>(mu: T, rho: T, delta: [T; 3], lambda: [T; 3]) -> [T; 3] {
+    let (zero, norm) = (mu.constant(0.0), |y: T, z: T| (y * y + z * z).sqrt());
+    let corrected = delta[0] + mu * norm(delta[1], delta[2]);
+    let x = [lambda[0] - corrected * rho, lambda[1] - delta[1] * rho, lambda[2] - delta[2] * rho];
+    let tangential = norm(x[1], x[2]);
+    // The three cases of the projection: the cone's surface, inside, polar cone.
+    let normal = ((x[0] + mu * tangential) / (mu * mu + 1.0)).larger(zero);
+    let shrink = mu * normal / tangential;
+    let surface = [normal, shrink * x[1], shrink * x[2]];
+    // The norm overflows beyond 1e154 N.
+    let finite = mu.constant(f64::INFINITY).above(surface[0].abs() + surface[1].abs() + surface[2].abs());
+    let outside = tangential.above(mu * x[0] * (1.0 + 4.0 * f64::EPSILON));
+    let pushed = (mu * tangential).above(-x[0]);
+    let part = |c: usize| {
+        let nearest = surface[c].or_where_not(finite, zero).or_where_not(outside, x[c]).or_where_not(pushed, zero);
+        // Infinity and NaN become NaN.
+        lambda[c] - nearest + x[c] * 0.0
+    };
+    [part(0), part(1), part(2)]
+}
+
 /// The slip force as a function of `s`, in the principal axes of `S`.
 struct SlipForce {
+    s: f64,
+    /// `1 / (sigma + s)`, N/m.
+    inverse: Vector2<f64>,
     /// `-lambda_t`, N.
     p: Vector2<f64>,
     /// `|lambda_t|`, N.
@@ -143,59 +185,70 @@ struct SlipForce {
 }
 
 impl Coulomb {
-    /// Solves case 3. Expects `b_n < 0`, positive friction, and a stick force outside the cone.
+    /// Solves case 3, from the slip that belongs to the force `start`. Expects `b_n < 0`, positive friction, and a stick
+    /// force outside the cone.
     #[allow(non_snake_case)]
-    fn slip(&self, W: &LocalCompliance, b: &Vector3<f64>) -> Vector3<f64> {
+    fn slip(&self, W: &LocalCompliance, b: &Vector3<f64>, start: &Vector3<f64>) -> Vector3<f64> {
         let mu = self.friction;
         let c = W.rotated(&W.reduced(b));
         let w = W.rotated(&W.nt);
         let force = |s: f64| {
-            let p = Vector2::new(c.x / (W.sigma.x + s), c.y / (W.sigma.y + s));
-            SlipForce { p, tangential: p.norm(), normal: (w.dot(&p) - b.x) * W.inv_nn }
+            let inverse = Vector2::new(1.0 / (W.sigma.x + s), 1.0 / (W.sigma.y + s));
+            let p = c.component_mul(&inverse);
+            SlipForce { s, inverse, p, tangential: p.norm(), normal: (w.dot(&p) - b.x) * W.inv_nn }
         };
-
-        // |lambda_t| <= |c| / (sigma_min + s) and |w . lambda_t| <= |w| |lambda_t| put s_max inside the cone.
-        let free_normal = W.normal_force(b.x);
-        let s_max = (1.0 / mu + w.norm() * W.inv_nn) * c.norm() / free_normal;
-        if !s_max.is_finite() {
-            return Vector3::new(free_normal, 0.0, 0.0);
-        }
-        let (mut low, mut high) = (0.0, s_max);
-        let mut s = 0.0;
-        let mut best = force(s);
+        // (S + s I) p = c at the solution.
+        let p = -W.rotated(&start.yz());
+        let guess = p.dot(&(c - W.sigma.component_mul(&p))) / p.norm_squared();
+        let (mut low, mut high) = (0.0, f64::INFINITY);
+        let mut at = force(if guess > 0.0 && guess < f64::MAX { guess } else { 0.0 });
         for _ in 0..MAX_ITERATIONS {
-            let excess = mu * best.normal - best.tangential; // h |lambda_t|
+            let excess = mu * at.normal - at.tangential; // h |lambda_t|
             if excess < 0.0 {
-                low = s
+                low = at.s
             } else {
-                high = s
+                high = at.s
             }
-            if excess.abs() <= 2.0 * f64::EPSILON * best.tangential {
+            if excess.abs() <= 2.0 * f64::EPSILON * at.tangential {
                 break;
             }
-            let next = newton(mu, W, &w, &best, s, excess).filter(|next| *next > low && *next < high);
-            let next = next.unwrap_or(if low > 0.0 { (low * high).sqrt() } else { 0.5 * high });
+            let mut next = newton(mu, W, &w, &at, excess);
+            // False for NaN.
+            let inside = next > low && next < high;
+            if !inside {
+                // |lambda_t| <= |c| / (sigma_min + s) and |w . lambda_t| <= |w| |lambda_t| put s_max inside the cone.
+                let free_normal = W.normal_force(b.x);
+                let s_max = (1.0 / mu + w.norm() * W.inv_nn) * c.norm() / free_normal;
+                if !s_max.is_finite() {
+                    return Vector3::new(free_normal, 0.0, 0.0);
+                }
+                high = high.min(s_max);
+                next = if low > 0.0 { (low * high).sqrt() } else { 0.5 * high };
+            }
+            let step = (next - at.s).abs();
             // Steps of rounding size, or a bracket of neighbouring numbers.
-            if (next - s).abs() <= 2.0 * f64::EPSILON * next || !(next > low && next < high) {
+            if step <= 2.0 * f64::EPSILON * next || !(next > low && next < high) {
                 break;
             }
-            s = next;
-            best = force(s);
+            at = force(next);
+            // Newton's error is of the order of the square of its step.
+            if inside && step <= LAST_STEP * next {
+                break;
+            }
         }
         // On the cone's surface to the last bit, whatever is left of the root's error.
-        let lambda_n = best.normal.max(0.0);
-        let lambda_t = W.rotated_back(&(best.p * (-mu * lambda_n / best.tangential)));
+        let lambda_n = at.normal.max(0.0);
+        let lambda_t = W.rotated_back(&(at.p * (-mu * lambda_n / at.tangential)));
         Vector3::new(lambda_n, lambda_t.x, lambda_t.y)
     }
 }
 
-/// Newton step of `h(s) = mu lambda_n / |lambda_t| - 1`; none where `h` does not increase.
+/// Newton step of `h(s) = mu lambda_n / |lambda_t| - 1`; NaN where `h` does not increase.
 #[inline]
 #[allow(non_snake_case)]
-fn newton(mu: f64, W: &LocalCompliance, w: &Vector2<f64>, at: &SlipForce, s: f64, excess: f64) -> Option<f64> {
-    let dp = Vector2::new(-at.p.x / (W.sigma.x + s), -at.p.y / (W.sigma.y + s));
-    let d_tangential = at.p.dot(&dp) / at.tangential;
-    let d_normal = w.dot(&dp) * W.inv_nn;
-    let slope = mu * (d_normal * at.tangential - at.normal * d_tangential);
-    (slope > 0.0).then(|| s - excess * at.tangential / slope)
+fn newton(mu: f64, W: &LocalCompliance, w: &Vector2<f64>, at: &SlipForce, excess: f64) -> f64 {
+    let dp = -at.p.component_mul(&at.inverse);
+    let squared = at.tangential * at.tangential;
+    let slope = mu * (w.dot(&dp) * W.inv_nn * squared - at.normal * at.p.dot(&dp));
+    if slope > 0.0 { at.s - excess * squared / slope } else { f64::NAN }
 }

@@ -17,10 +17,12 @@
 mod bilateral;
 mod conic;
 mod coulomb;
+mod eight;
 mod faceted;
 mod linearization;
 mod local;
 mod signorini;
+mod sticking;
 mod threshold;
 mod tresca;
 
@@ -30,6 +32,7 @@ use serde::{Deserialize, Serialize};
 pub use bilateral::Bilateral;
 pub use conic::ConicForm;
 pub use coulomb::{Coulomb, MAX_FRICTION};
+pub use eight::EightContacts;
 pub use faceted::{FacetedCoulomb, MAX_FACETS};
 pub use linearization::{Linearization, RowEquation};
 pub use local::{COMPLIANCE_FLOOR, LocalCompliance, natural_stiffness};
@@ -81,6 +84,14 @@ pub trait ContactLaw: Copy {
     #[allow(non_snake_case)]
     fn resolve(&self, W: &LocalCompliance, b: &Vector3<f64>) -> Vector3<f64>;
 
+    /// [`ContactLaw::resolve`] where a force `start` (N) near the solution is known: sooner done for laws that iterate, and
+    /// the solution near it where there are several.
+    #[inline]
+    #[allow(non_snake_case)]
+    fn resolve_from(&self, W: &LocalCompliance, b: &Vector3<f64>, _start: &Vector3<f64>) -> Vector3<f64> {
+        self.resolve(W, b)
+    }
+
     /// The admissible force (N) nearest to `force`; zero where `force` is not finite.
     fn project(&self, force: &Vector3<f64>) -> Vector3<f64>;
 
@@ -102,6 +113,7 @@ pub trait ContactLaw: Copy {
     ///
     /// `rho > 0` in N/m turns a gap into a force. Dividing the result by `rho` gives a residual in metres. NaN where an
     /// argument is not finite.
+    #[inline]
     fn natural_map(&self, rho: f64, delta: &Vector3<f64>, lambda: &Vector3<f64>) -> Vector3<f64> {
         let shifted = lambda - self.corrected_gap(delta) * rho;
         if is_finite(&shifted) { lambda - self.project(&shifted) } else { Vector3::repeat(f64::NAN) }
@@ -109,6 +121,7 @@ pub trait ContactLaw: Copy {
 }
 
 /// Whether every entry is a number.
+#[inline]
 fn is_finite(v: &Vector3<f64>) -> bool {
     v.x.is_finite() && v.y.is_finite() && v.z.is_finite()
 }
@@ -162,6 +175,13 @@ macro_rules! laws {
             #[allow(non_snake_case)]
             pub fn resolve(&self, W: &LocalCompliance, b: &Vector3<f64>) -> Vector3<f64> {
                 match self { $(Law::$variant(law) => law.resolve(W, b),)+ }
+            }
+
+            /// [`ContactLaw::resolve_from`]
+            #[inline]
+            #[allow(non_snake_case)]
+            pub fn resolve_from(&self, W: &LocalCompliance, b: &Vector3<f64>, start: &Vector3<f64>) -> Vector3<f64> {
+                match self { $(Law::$variant(law) => law.resolve_from(W, b, start),)+ }
             }
 
             /// [`ContactLaw::project`]

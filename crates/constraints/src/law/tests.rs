@@ -107,6 +107,44 @@ proptest! {
         prop_assert!((force - nearest).norm() <= (force - admissible).norm() * (1.0 + 1e-14));
     }
 
+    // The start only saves steps: the answer solves the local problem whatever it was.
+    #[test]
+    fn a_start_does_not_change_that_the_local_problem_is_solved(
+        W in compliance(4.0), b in gap(), start in prop::array::uniform3(prop::num::f64::ANY), friction in 0.01..1.5_f64,
+    ) {
+        let (law, local) = (Law::from(Coulomb { friction }), LocalCompliance::new(&W, 3));
+        for start in [Vector3::from(start), law.resolve(&local, &b) * 1.1] {
+            let lambda = law.resolve_from(&local, &b, &start);
+            prop_assert!(local_residual(&law, &W, &b, &lambda) <= 1e-9, "{lambda}");
+        }
+    }
+
+    #[test]
+    fn eight_natural_maps_are_those_of_one_contact_to_the_bit(
+        numbers in prop::collection::vec(prop_oneof![-1.0..1.0_f64, Just(0.0), prop::num::f64::ANY], 48),
+        friction in prop::array::uniform8(0.0..1.5_f64), rho in prop::array::uniform8(0.1..1e4_f64),
+    ) {
+        let rows = |first: usize| std::array::from_fn(|c| std::array::from_fn(|k| numbers[first + 8 * c + k]));
+        let eight = EightContacts { friction, rho, delta: rows(0), lambda: rows(24) };
+        let maps = eight.natural_maps();
+        for k in 0..8 {
+            let row = |of: &[[f64; 8]; 3]| Vector3::new(of[0][k], of[1][k], of[2][k]);
+            let law = Law::from(Coulomb { friction: friction[k] });
+            let (delta, lambda) = (row(&eight.delta), row(&eight.lambda));
+            let one = law.natural_map(rho[k], &delta, &lambda);
+            let same = |c: usize| one[c].to_bits() == maps[c][k].to_bits() || one[c].is_nan() && maps[c][k].is_nan();
+            prop_assert!((0..3).all(same), "{one} {:?}", row(&maps));
+            // And what the projection says.
+            let shifted = lambda - law.corrected_gap(&delta) * rho[k];
+            if is_finite(&shifted) && shifted.norm() < 1e100 {
+                let by_projection = lambda - law.project(&shifted);
+                prop_assert!((one - by_projection).norm() <= 1e-14 * (shifted.norm() + lambda.norm()));
+            } else {
+                prop_assert!(is_finite(&shifted) || one.iter().any(|x| x.is_nan()));
+            }
+        }
+    }
+
     #[test]
     fn a_singular_block_gets_a_bounded_force(direction in prop::array::uniform3(-1.0..1.0_f64), b in gap()) {
         let d = Vector3::from(direction);

@@ -17,7 +17,7 @@
 //! `S`, `c`.
 
 use super::local::eigen;
-use super::{ConicForm, ContactLaw, LawError, Linearization, LocalCompliance, is_finite};
+use super::{ConicForm, ContactLaw, Law, LawError, Linearization, LocalCompliance, is_finite};
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -30,6 +30,20 @@ const MAX_ITERATIONS: usize = 60;
 pub struct Tresca {
     /// Largest tangential force `g`, N, `>= 0` and finite.
     pub limit: f64,
+}
+
+impl Law {
+    /// The law that a contact obeys whose gap is `gap` (m) where nothing touches: this one, but for Tresca's, which holds
+    /// points that are apart as well. Whoever lists contacts before they touch means only those that would overlap to be
+    /// held; the others slide freely, on as many rows.
+    #[must_use]
+    #[inline]
+    pub fn at_free_gap(self, gap: f64) -> Self {
+        match self {
+            Law::Tresca(_) if gap > 0.0 => Tresca { limit: 0.0 }.into(),
+            law => law,
+        }
+    }
 }
 
 impl ContactLaw for Tresca {

@@ -1,15 +1,12 @@
 //! Energy of a body, in parallel where there are threads and with the same bits for any number of them.
 
-#![allow(non_snake_case)]
-
 use std::ops::Range;
 
-use nalgebra::Matrix3;
+use nalgebra::Vector3;
 
 use super::viscous::StepTissue;
 use crate::{
     element::{ElementKind, quadratic::POINTS},
-    material::Law,
     model::{Batch, FemModel, FemState},
 };
 
@@ -18,68 +15,43 @@ const BATCHES: usize = 4;
 
 /// Elastic energy of the body (J); of viscous tissue, what it would be after an instantaneous deformation. Allocates nothing.
 pub fn elastic_energy(model: &FemModel, state: &FemState) -> f64 {
-    sum_energy(model, state, |batch| {
-        let law = &batch.tissue.material;
-        of_batch(
-            model,
-            state,
-            batch,
-            |_, F| law.energy_density(F),
-            || law.packed_energy(&model.packs()[batch.packs.clone()], &state.q),
-        )
-    })
+    sum_energy(model, state, StepTissue::instantaneous)
 }
 
 /// The energy (J) whose derivative by `q` is minus the internal force at the end of a step `dt` (s), infinite for the relaxed
 /// equilibrium. Of elastic bodies it is [`elastic_energy`]; of viscous ones it is less by what the step and the memory relax.
 /// Allocates nothing.
 pub fn incremental_energy(model: &FemModel, state: &FemState, dt: f64) -> f64 {
-    sum_energy(model, state, |batch| {
-        let tissue = StepTissue::new(batch, state, dt);
-        of_batch(
-            model,
-            state,
-            batch,
-            |point, F| tissue.energy_density(point, F),
-            || tissue.packed_energy(&model.packs()[batch.packs.clone()], &state.q),
-        )
-    })
+    sum_energy(model, state, |batch| StepTissue::new(batch, state, dt))
 }
 
 /// Sums the energy of all batches (J) and of the groups of averaged elements.
-fn sum_energy(model: &FemModel, state: &FemState, energy: impl Fn(&Batch) -> f64 + Sync) -> f64 {
+fn sum_energy<'a>(model: &'a FemModel, state: &FemState, tissue: impl Fn(&'a Batch) -> StepTissue<'a> + Sync) -> f64 {
     let batches = model.batches();
     let parallel = rayon::current_num_threads() > 1;
+    let of_batch = |batch: &'a Batch| of_batch(model, batch, &tissue(batch), &state.q);
     let of_elements =
-        sum_by_halves(0..batches.len(), BATCHES, parallel, &|range| batches[range].iter().map(&energy).sum());
+        sum_by_halves(0..batches.len(), BATCHES, parallel, &|range| batches[range].iter().map(of_batch).sum());
     of_elements + model.averaging().map_or(0.0, |groups| groups.energy(model.elements(), &state.q))
 }
 
-/// Energy of one batch (J): by `density` (J/m³) at point and deformation gradient, or `packed` for linear elements.
-fn of_batch(
-    model: &FemModel,
-    state: &FemState,
-    batch: &Batch,
-    density: impl Fn(usize, &Matrix3<f64>) -> f64,
-    packed: impl Fn() -> f64,
-) -> f64 {
-    match model.element_kind() {
-        ElementKind::Linear => packed(),
-        ElementKind::Averaged => {
-            let elements = batch.of(model.elements()).iter().enumerate();
-            elements.map(|(e, element)| element.volume * density(e, &element.deformation_gradient(&state.q))).sum()
-        }
-        ElementKind::Quadratic => {
-            let mut energy = 0.0;
-            for (e, element) in batch.of(model.quadratic_elements()).iter().enumerate() {
-                let points = element.deformation_gradients(&state.q);
-                for (k, (F, weight)) in points.iter().zip(element.weights).enumerate() {
-                    energy += weight * density(e * POINTS + k, F);
-                }
+/// Energy of one batch (J).
+fn of_batch(model: &FemModel, batch: &Batch, tissue: &StepTissue<'_>, q: &[Vector3<f64>]) -> f64 {
+    let (mut energy, mut first) = (0.0, 0);
+    if model.element_kind() == ElementKind::Quadratic {
+        for pack in &model.quadratic_packs()[batch.packs.clone()] {
+            for (k, at) in pack.at_points(q).iter().enumerate() {
+                energy += tissue.pack_energy(at, |lane| POINTS * (first + lane) + k);
             }
-            energy
+            first += pack.len;
         }
+        return energy;
     }
+    for pack in &model.packs()[batch.packs.clone()] {
+        energy += tissue.pack_energy(&pack.at(q), |lane| first + lane);
+        first += pack.len;
+    }
+    energy
 }
 
 /// Sums over a range cut into halves until at most `few` are left: where it is cut, and with it every bit of the sum, does

@@ -12,30 +12,29 @@
 
 #![allow(non_snake_case)]
 
-mod destination;
 mod energy;
+mod fold;
 mod packed;
-mod scatter;
 mod sum;
+mod upper;
 mod viscous;
 
 use nalgebra::{Matrix3, Vector3};
 
-pub(crate) use self::{energy::sum_by_halves, packed::PackLists, scatter::ScatterLists};
+use self::sum::{Wanted, sum_elements};
+use self::upper::Half;
+pub(crate) use self::{energy::sum_by_halves, packed::PackLists, upper::UpperBlocks};
 pub use self::{
     energy::{elastic_energy, incremental_energy},
+    fold::{FoldReport, Folds, OPEN_BELOW},
     viscous::advance_memory,
-};
-use self::{
-    scatter::slots,
-    sum::{sum_elements, sum_forces},
 };
 use crate::{
     averaging::AveragingWorkspace,
-    element::{ElementKind, ElementMatrices, QuadraticTetrahedron, quadratic::QuadraticMatrices},
+    element::{ElementKind, QuadraticTetrahedron},
     material::BatchReport,
     model::{FemModel, FemState},
-    pack::{PACK, PackMatrices},
+    pack::{PackMatrices, QuadraticPackMatrices},
     sparse::SystemMatrix,
 };
 
@@ -56,38 +55,38 @@ pub struct FemWorkspace {
     pub dt: f64,
     /// Whether the next assemblies filter the tangents; at first what the model says.
     pub filter: bool,
+    /// Quadratic elements that are held open; at first none.
+    pub folds: Folds,
     /// Upper blocks of `K`.
     upper: Vec<Matrix3<f64>>,
-    /// Element results: one batch on one thread, all batches on several. By kind of
-    /// element: averaged, linear, quadratic.
-    results: Vec<ElementMatrices>,
+    /// Results of packs, of one kind or the other: one batch on one thread, all batches on several.
     pack_results: Vec<PackMatrices>,
-    quadratic_results: Vec<QuadraticMatrices>,
+    quadratic_results: Vec<QuadraticPackMatrices>,
     averaging: AveragingWorkspace,
-    /// Slot of each element in `results`; empty on one thread.
-    slot: Vec<u32>,
+    /// Whether there is room for the results of all batches.
+    parallel: bool,
 }
 
 impl FemWorkspace {
     /// Memory for a body. If rayon has several threads here, memory for parallel assembly is included (744 bytes a
-    /// linear element, 504 an averaged, 4200 a quadratic one); a workspace made where it has one assembles on one thread everywhere.
+    /// linear or averaged element, 3984 a quadratic one); a workspace made where it has one assembles on one thread everywhere.
     pub fn new(model: &FemModel) -> Self {
         let parallel = rayon::current_num_threads() > 1;
-        let size = model.batch_size();
-        let results = if parallel { size * model.batches().len() } else { size };
-        let of_kind = |kind, count| if model.element_kind() == kind { count } else { 0 };
+        let batches = if parallel { model.batches().len() } else { 1 };
+        let results = model.packs_of_batch() * batches;
+        let quadratic = model.element_kind() == ElementKind::Quadratic;
         Self {
             system: SystemMatrix::zeros(model.pattern().clone()),
             rhs: vec![0.0; 3 * model.free_nodes()],
             f_int: vec![Vector3::zeros(); model.nodes()],
             dt: f64::INFINITY,
             filter: model.filter(),
-            upper: vec![Matrix3::zeros(); model.scatter().upper_blocks()],
-            results: vec![ElementMatrices::ZERO; of_kind(ElementKind::Averaged, results)],
-            pack_results: vec![PackMatrices::ZERO; of_kind(ElementKind::Linear, results.div_ceil(PACK))],
-            quadratic_results: vec![QuadraticMatrices::ZERO; of_kind(ElementKind::Quadratic, results)],
+            folds: Folds::new(model),
+            upper: vec![Matrix3::zeros(); model.upper_blocks().count()],
+            pack_results: vec![PackMatrices::ZERO; if quadratic { 0 } else { results }],
+            quadratic_results: vec![QuadraticPackMatrices::ZERO; if quadratic { results } else { 0 }],
             averaging: model.averaging().map(|groups| groups.workspace()).unwrap_or_default(),
-            slot: if parallel { slots(model.batches(), size) } else { Vec::new() },
+            parallel,
         }
     }
 }
@@ -166,7 +165,7 @@ pub fn assemble(
     f_ext: &[Vector3<f64>],
     ws: &mut FemWorkspace,
 ) -> AssemblyReport {
-    let report = sum_elements(model, state, dt, ws);
+    let report = sum_elements(model, state, dt, Wanted::Tangents { filter: ws.filter }, ws);
     let (alpha, beta) = (model.rayleigh_mass(), model.rayleigh_stiffness());
     let coefficients = Coefficients { mass: 1.0 + dt * alpha, stiffness: dt * (beta + dt) };
     let upper = &ws.upper;
@@ -175,10 +174,10 @@ pub fn assemble(
         let mass = model.mass()[node];
         let mut Kv = Vector3::zeros();
         for (p, block) in model.pattern().row(i).zip(blocks) {
-            let K = model.scatter().block(p, upper);
+            let K = model.upper_blocks().block(p, upper);
             let j = model.pattern().columns()[p] as usize;
-            Kv += K * state.v[model.node_of_free()[j] as usize];
-            *block = system_block(&K, coefficients, mass, i == j);
+            Kv += K.times(&state.v[model.node_of_free()[j] as usize]);
+            *block = system_block(K, coefficients, mass, i == j);
         }
         let f = f_ext.get(node).copied().unwrap_or_default()
             + f_int[node]
@@ -197,14 +196,14 @@ pub fn assemble_with(
     f_ext: &[Vector3<f64>],
     ws: &mut FemWorkspace,
 ) -> AssemblyReport {
-    let report = sum_elements(model, state, ws.dt, ws);
+    let report = sum_elements(model, state, ws.dt, Wanted::Tangents { filter: ws.filter }, ws);
     let upper = &ws.upper;
     let f_int = &ws.f_int;
     for_rows(model, &mut ws.system, &mut ws.rhs, |i, node, blocks| {
         let mass = model.mass()[node];
         for (p, block) in model.pattern().row(i).zip(blocks) {
             let diagonal = model.pattern().columns()[p] as usize == i;
-            *block = system_block(&model.scatter().block(p, upper), coefficients, mass, diagonal);
+            *block = system_block(model.upper_blocks().block(p, upper), coefficients, mass, diagonal);
         }
         f_ext.get(node).copied().unwrap_or_default() + f_int[node] + model.gravity() * mass
     });
@@ -214,7 +213,7 @@ pub fn assemble_with(
 /// Fills `ws.f_int` with the internal forces on all nodes (N), without the tangent, over the step `ws.dt`;
 /// leaves `ws.system` alone. The same bits for any number of threads; allocates nothing.
 pub fn internal_forces(model: &FemModel, state: &FemState, ws: &mut FemWorkspace) -> AssemblyReport {
-    sum_forces(model, state, ws.dt, ws)
+    sum_elements(model, state, ws.dt, Wanted::Forces, ws)
 }
 
 /// Volume ratio that the bulk term sees in each element, in the order of [`FemModel::elements`]: its own `det F`, the mean
@@ -233,13 +232,13 @@ pub fn volume_ratios(model: &FemModel, state: &FemState) -> Vec<f64> {
 
 /// One block of `mass M + stiffness K`. Diagonal blocks are made symmetric: their sums are so only up to rounding.
 #[inline]
-fn system_block(K: &Matrix3<f64>, coefficients: Coefficients, mass: f64, diagonal: bool) -> Matrix3<f64> {
-    if !diagonal {
-        return K * coefficients.stiffness;
-    }
-    let mut block = (K + K.transpose()) * (0.5 * coefficients.stiffness);
-    for c in 0..3 {
-        block[(c, c)] += coefficients.mass * mass;
+fn system_block(K: Half<'_>, coefficients: Coefficients, mass: f64, diagonal: bool) -> Matrix3<f64> {
+    let mut block = K.scaled(coefficients.stiffness);
+    if diagonal {
+        block = (block + block.transpose()) * 0.5;
+        for c in 0..3 {
+            block[(c, c)] += coefficients.mass * mass;
+        }
     }
     block
 }

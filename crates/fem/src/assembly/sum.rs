@@ -1,133 +1,144 @@
 //! The elements' forces and blocks, computed batch by batch and summed over the body.
 
-#![allow(non_snake_case)]
-
 use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
 
 use super::{
-    AssemblyReport, FemWorkspace,
-    destination::{Elements, Sums, is_parallel},
-    packed::Packs,
+    AssemblyReport, FemWorkspace, ROWS,
+    packed::{CHUNK, PackLists},
     viscous::StepTissue,
 };
 use crate::{
-    element::{
-        ElementKind, ElementMatrices, Tetrahedron, UNIT,
-        quadratic::{POINTS, QuadraticMatrices, quadratic_batch, quadratic_forces},
-    },
-    material::{BATCH, BatchReport},
-    model::{FemModel, FemState},
-    pack::PACK,
-    rotation::cofactor,
+    element::{ElementKind, quadratic::POINTS},
+    material::BatchReport,
+    model::{Batch, FemModel, FemState},
+    pack::{DeformedPack, PackMatrices, PackShares},
 };
 
-/// Computes all elements and sums them into `ws.upper` and `ws.f_int`; `dt` (s) is the step that viscous tissue relaxes in.
-pub(super) fn sum_elements(model: &FemModel, state: &FemState, dt: f64, ws: &mut FemWorkspace) -> AssemblyReport {
-    let (q, filter, parallel) = (&state.q, ws.filter, is_parallel(ws));
+/// What is asked of the elements.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Wanted {
+    /// Forces alone.
+    Forces,
+    /// Forces and tangents, these filtered or not.
+    Tangents { filter: bool },
+}
+
+/// Computes all elements over a step `dt` (s) in which viscous tissue relaxes, and sums them into `ws.f_int` and, with
+/// tangents, `ws.upper`.
+pub(super) fn sum_elements(
+    model: &FemModel,
+    state: &FemState,
+    dt: f64,
+    wanted: Wanted,
+    ws: &mut FemWorkspace,
+) -> AssemblyReport {
+    let q = &state.q;
+    // A workspace made on one thread assembles on one everywhere.
+    let parallel = ws.parallel && rayon::current_num_threads() > 1;
+    let tangents = wanted != Wanted::Forces;
     if let Some(groups) = model.averaging() {
-        groups.pressures(model.elements(), q, filter, parallel, &mut ws.averaging);
+        groups.pressures(model.packs(), q, wanted == Wanted::Tangents { filter: true }, parallel, &mut ws.averaging);
     }
     let averaging = &ws.averaging;
-    let sums = Sums { batches: model.batches(), parallel, upper: &mut ws.upper, f_int: &mut ws.f_int };
-    let (packs, elements) = destinations(model, &ws.slot);
-    let size = model.batch_size();
-    let report = match model.element_kind() {
-        ElementKind::Linear => sums.fill(&packs, BATCH / PACK, &mut ws.pack_results, |batch, results| {
-            StepTissue::new(batch, state, dt).packed(&model.packs()[batch.packs.clone()], q, filter, results)
-        }),
-        ElementKind::Quadratic => {
-            sums.fill(&elements, size, &mut ws.quadratic_results, |batch, results: &mut [QuadraticMatrices]| {
+    let upper = if tangents { ws.upper.as_mut_slice() } else { &mut [] };
+    let sums = Sums { lists: model.pack_lists(), batches: model.batches(), parallel, upper, f_int: &mut ws.f_int };
+    let size = model.packs_of_batch();
+    let report = if model.element_kind() == ElementKind::Quadratic {
+        let points = || [PackMatrices::ZERO; POINTS];
+        sums.fill(size, &mut ws.quadratic_results, points, |batch, points, results| {
+            let tissue = StepTissue::new(batch, state, dt);
+            let (mut report, mut first) = (BatchReport::default(), 0);
+            for (pack, out) in model.quadratic_packs()[batch.packs.clone()].iter().zip(results) {
+                for (k, (at, point)) in pack.at_points(q).iter().zip(&mut *points).enumerate() {
+                    tissue.pack(at, |lane| POINTS * (first + lane) + k, wanted, point);
+                }
+                if tangents {
+                    pack.sum_points(points, out);
+                } else {
+                    pack.sum_forces(points, out);
+                }
+                out.note(first as u32, pack.len, &mut report);
+                first += pack.len;
+            }
+            report
+        })
+    } else {
+        sums.fill(
+            size,
+            &mut ws.pack_results,
+            || (),
+            |batch, (), results| {
                 let tissue = StepTissue::new(batch, state, dt);
-                let answer = |k: usize, p: usize, F: &Matrix3<f64>, out: &mut ElementMatrices| {
-                    tissue.element(k * POINTS + p, &UNIT, F, filter, out)
-                };
-                quadratic_batch(batch.of(model.quadratic_elements()), q, answer, results)
-            })
-        }
-        ElementKind::Averaged => {
-            sums.fill(&elements, size, &mut ws.results, |batch, results: &mut [ElementMatrices]| {
-                let tissue = StepTissue::new(batch, state, dt);
-                let dropped = |k| model.averaging().is_some_and(|g| g.is_dropped(batch.elements.start + k, averaging));
-                let pressures = batch.of(&averaging.pressures);
-                pressure_batch(&tissue, batch.of(model.elements()), pressures, q, (filter, dropped), results)
-            })
-        }
+                let (mut report, mut first) = (BatchReport::default(), 0);
+                for (p, out) in batch.packs.clone().zip(results) {
+                    let pack = &model.packs()[p];
+                    let at = DeformedPack { pressure: averaging.pressures.get(p), ..pack.at(q) };
+                    tissue.pack(&at, |lane| first + lane, wanted, out);
+                    if let Some(groups) = model.averaging() {
+                        groups.mark_dropped(p, averaging, &mut out.filtered);
+                    }
+                    out.note(first as u32, pack.len, &mut report);
+                    first += pack.len;
+                }
+                report
+            },
+        )
     };
-    if let Some(groups) = model.averaging() {
-        groups.add_blocks(model.elements(), q, parallel, &mut ws.averaging, &mut ws.upper);
+    if let (true, Some(groups)) = (tangents, model.averaging()) {
+        groups.add_blocks(parallel, &mut ws.averaging, &mut ws.upper);
     }
+    let upper = if tangents { ws.upper.as_mut_slice() } else { &mut [] };
+    ws.folds.add(model, q, wanted == Wanted::Tangents { filter: true }, upper, &mut ws.f_int);
     AssemblyReport::new(report, model)
 }
 
-/// Where the results of packs and of single elements go.
-fn destinations<'a>(model: &'a FemModel, slot: &'a [u32]) -> (Packs<'a>, Elements<'a>) {
-    (Packs { lists: model.pack_lists(), packs: model.packs() }, Elements { lists: model.scatter(), slot })
+/// What is summed: the batches, the blocks (none where only forces are asked for) and the nodal forces.
+struct Sums<'a> {
+    lists: &'a PackLists,
+    batches: &'a [Batch],
+    parallel: bool,
+    upper: &'a mut [Matrix3<f64>],
+    f_int: &'a mut [Vector3<f64>],
 }
 
-/// Forces and exact tangents of elements under pressures; `dropped` tells of elements in a group that the filter drops.
-fn pressure_batch(
-    tissue: &StepTissue<'_>,
-    elements: &[Tetrahedron],
-    pressures: &[f64],
-    q: &[Vector3<f64>],
-    (filter, dropped): (bool, impl Fn(usize) -> bool),
-    out: &mut [ElementMatrices],
-) -> BatchReport {
-    let mut report = BatchReport::default();
-    for (k, ((element, &pressure), out)) in elements.iter().zip(pressures).zip(out).enumerate() {
-        let edges = element.edges(q);
-        let filtered = tissue.element_under_pressure(k, element, &edges, pressure, filter, out) | dropped(k);
-        report.note(k as u32, edges.determinant() / (6.0 * element.volume), filtered, out.is_finite());
-    }
-    report
-}
-
-/// Computes the forces of all elements and sums them into `ws.f_int`; `dt` as for [`sum_elements`].
-pub(super) fn sum_forces(model: &FemModel, state: &FemState, dt: f64, ws: &mut FemWorkspace) -> AssemblyReport {
-    let (q, parallel) = (&state.q, is_parallel(ws));
-    if let Some(groups) = model.averaging() {
-        groups.pressures(model.elements(), q, false, parallel, &mut ws.averaging);
-    }
-    let pressures = &ws.averaging.pressures;
-    let sums = Sums { batches: model.batches(), parallel, upper: &mut [], f_int: &mut ws.f_int };
-    let (packs, elements) = destinations(model, &ws.slot);
-    let size = model.batch_size();
-    let report = match model.element_kind() {
-        ElementKind::Linear => sums.fill(&packs, BATCH / PACK, &mut ws.pack_results, |batch, results| {
-            StepTissue::new(batch, state, dt).packed_forces(&model.packs()[batch.packs.clone()], q, results)
-        }),
-        ElementKind::Quadratic => {
-            sums.fill(&elements, size, &mut ws.quadratic_results, |batch, results: &mut [QuadraticMatrices]| {
-                let tissue = StepTissue::new(batch, state, dt);
-                let stress = |k: usize, p: usize, F: &Matrix3<f64>| tissue.first_piola(k * POINTS + p, F);
-                quadratic_forces(batch.of(model.quadratic_elements()), q, stress, results)
-            })
+impl Sums<'_> {
+    /// Sums what `compute` puts into the results of each batch; `size` is the room of a batch among all results, in packs.
+    fn fill<const N: usize, const B: usize, W>(
+        self,
+        size: usize,
+        results: &mut [PackShares<N, B>],
+        scratch: impl Fn() -> W + Send + Sync,
+        compute: impl Fn(&Batch, &mut W, &mut [PackShares<N, B>]) -> BatchReport + Sync,
+    ) -> BatchReport {
+        let compute = |batch: &Batch, scratch: &mut W, results: &mut [PackShares<N, B>]| {
+            let results = &mut results[..batch.packs.len()];
+            compute(batch, scratch, results).shifted(batch.elements.start as u32)
+        };
+        let Self { lists, batches, parallel, upper, f_int } = self;
+        if !parallel {
+            upper.fill(Matrix3::zeros());
+            f_int.fill(Vector3::zeros());
+            let (mut report, mut scratch) = (BatchReport::default(), scratch());
+            for batch in batches {
+                report = report.merged(compute(batch, &mut scratch, results));
+                lists.scatter(batch.packs.clone(), results, upper, f_int);
+            }
+            lists.finish(upper);
+            return report;
         }
-        ElementKind::Averaged => {
-            sums.fill(&elements, size, &mut ws.results, |batch, results: &mut [ElementMatrices]| {
-                let tissue = StepTissue::new(batch, state, dt);
-                pressure_forces(&tissue, batch.of(model.elements()), batch.of(pressures), q, results)
-            })
-        }
-    };
-    AssemblyReport::new(report, model)
-}
-
-/// The forces of [`pressure_batch`] alone.
-fn pressure_forces(
-    tissue: &StepTissue<'_>,
-    elements: &[Tetrahedron],
-    pressures: &[f64],
-    q: &[Vector3<f64>],
-    out: &mut [ElementMatrices],
-) -> BatchReport {
-    let mut report = BatchReport::default();
-    for (k, ((element, &pressure), out)) in elements.iter().zip(pressures).zip(out).enumerate() {
-        let edges = element.edges(q);
-        let P = tissue.first_piola(k, &(edges * element.inverse_rest_edges));
-        out.forces = element.forces(&P) + cofactor(&edges) * (-pressure / 6.0);
-        let J = edges.determinant() / (6.0 * element.volume);
-        report.note(k as u32, J, false, out.forces.iter().all(|f| f.is_finite()));
+        let report = (results.par_chunks_mut(size).zip(batches))
+            .map_init(scratch, |scratch, (results, batch)| compute(batch, scratch, results))
+            .reduce(BatchReport::default, BatchReport::merged);
+        let results = &*results;
+        upper.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, upper)| {
+            lists.gather_blocks(chunk, results, upper);
+        });
+        f_int.par_chunks_mut(ROWS).enumerate().for_each(|(chunk, f_int)| {
+            for (k, f) in f_int.iter_mut().enumerate() {
+                *f = lists.gather_force(ROWS * chunk + k, results);
+            }
+        });
+        report
     }
-    report
 }

@@ -4,14 +4,15 @@
 
 use nalgebra::{Matrix3, Vector3, Vector6};
 
+use super::sum::Wanted;
 use crate::{
-    element::{ElementKind, ElementMatrices, Tetrahedron, quadratic::POINTS},
+    element::{ElementKind, quadratic::POINTS},
     material::{
-        BatchReport, Law, Material,
+        Law, Material,
         viscosity::{Relaxation, add_memory},
     },
     model::{Batch, FemModel, FemState},
-    pack::{Pack, PackMatrices},
+    pack::{DeformedPack, PackMatrices},
 };
 
 /// A batch's tissue over one step. Points are counted from the batch's first: elements, or their points of quadrature.
@@ -34,6 +35,11 @@ impl<'a> StepTissue<'a> {
         }
     }
 
+    /// The tissue as it answers an instantaneous deformation.
+    pub(super) fn instantaneous(batch: &'a Batch) -> Self {
+        Self { law: batch.tissue.material, relaxation: Relaxation { terms: &[], dt: 0.0 }, memory: &[] }
+    }
+
     /// `Γ` of a point (Pa); none in elastic tissue.
     fn remembered(&self, point: usize) -> Option<Matrix3<f64>> {
         let terms = self.relaxation.terms.len();
@@ -41,120 +47,49 @@ impl<'a> StepTissue<'a> {
         (terms > 0).then(|| self.relaxation.memory(history))
     }
 
-    /// [`Law::packed`] for the linear elements of the batch.
-    pub(super) fn packed(
+    /// [`Law::pack`] or [`Law::pack_forces`] for elements, or their points of quadrature, of which `point` tells the number
+    /// from the place in the pack.
+    pub(super) fn pack(
         &self,
-        packs: &[Pack],
-        q: &[Vector3<f64>],
-        filter: bool,
-        out: &mut [PackMatrices],
-    ) -> BatchReport {
-        let mut report = self.law.packed(packs, q, filter, out);
-        if self.relaxation.terms.is_empty() {
-            return report;
+        at: &DeformedPack<'_>,
+        point: impl Fn(usize) -> usize,
+        wanted: Wanted,
+        out: &mut PackMatrices,
+    ) {
+        match wanted {
+            Wanted::Forces => self.law.pack_forces(at, out),
+            Wanted::Tangents { filter } => self.law.pack(at, filter, out),
         }
-        let mut point = 0;
-        for (pack, out) in packs.iter().zip(out) {
-            for lane in 0..pack.len {
-                let (element, mut matrices) = (pack.element(lane), out.element(lane));
-                let acted = self.add_memory(point, &element, &element.edges(q), filter, &mut matrices);
-                report.filtered += u32::from(acted && out.filtered[lane] == 0.0);
-                if report.non_finite.is_none() && !matrices.is_finite() {
-                    report.non_finite = Some(point as u32);
-                }
-                out.set_element(lane, &matrices);
-                point += 1;
+        for lane in 0..at.rest.len {
+            let Some(memory) = self.remembered(point(lane)) else { break };
+            let element = at.rest.element(lane);
+            let F = at.edges_of(lane) * element.inverse_rest_edges;
+            let Wanted::Tangents { filter } = wanted else {
+                out.add_forces(lane, &element.forces(&(F * -memory)));
+                continue;
+            };
+            let mut matrices = out.element(lane);
+            if add_memory(&element, &F, &memory, filter, &mut matrices) {
+                out.filtered[lane] = 1.0;
+            }
+            out.set_element(lane, &matrices);
+            if !matrices.is_finite() {
+                out.checksum[lane] = f64::NAN;
             }
         }
-        report
     }
 
-    /// [`Law::packed_forces`] for the linear elements of the batch.
-    pub(super) fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport {
-        let mut report = self.law.packed_forces(packs, q, out);
-        if self.relaxation.terms.is_empty() {
-            return report;
-        }
-        let mut point = 0;
-        for (pack, out) in packs.iter().zip(out) {
-            for lane in 0..pack.len {
-                if let Some(memory) = self.remembered(point) {
-                    let element = pack.element(lane);
-                    out.add_forces(lane, &element.forces(&(element.deformation_gradient(q) * -memory)));
-                }
-                if report.non_finite.is_none() && !out.forces[0].iter().all(|row| row[lane].is_finite()) {
-                    report.non_finite = Some(point as u32);
-                }
-                point += 1;
-            }
-        }
-        report
-    }
-
-    /// Energy of the linear elements of the batch (J), as [`StepTissue::energy_density`].
-    pub(super) fn packed_energy(&self, packs: &[Pack], q: &[Vector3<f64>]) -> f64 {
-        let mut energy = self.law.packed_energy(packs, q);
-        let elements = packs.iter().flat_map(|pack| (0..pack.len).map(|lane| pack.element(lane)));
-        for (point, element) in elements.enumerate() {
-            let Some(memory) = self.remembered(point) else { break };
-            energy -= element.volume * remembered_energy(&memory, &element.deformation_gradient(q));
+    /// Energy of the elements of a pack or their points (J): what a step minimises. `point` as for [`StepTissue::pack`].
+    pub(super) fn pack_energy(&self, at: &DeformedPack<'_>, point: impl Fn(usize) -> usize) -> f64 {
+        let mut energy = self.law.pack_energies(at).iter().take(at.rest.len).sum();
+        for lane in 0..at.rest.len {
+            let Some(memory) = self.remembered(point(lane)) else { break };
+            let element = at.rest.element(lane);
+            let F = at.edges_of(lane) * element.inverse_rest_edges;
+            energy -= element.volume * memory.dot(&((F.transpose() * F - Matrix3::identity()) * 0.5));
         }
         energy
     }
-
-    /// [`Law::element`] for a point.
-    pub(super) fn element(
-        &self,
-        point: usize,
-        element: &Tetrahedron,
-        edges: &Matrix3<f64>,
-        filter: bool,
-        out: &mut ElementMatrices,
-    ) -> bool {
-        self.law.element(element, edges, filter, out) | self.add_memory(point, element, edges, filter, out)
-    }
-
-    /// [`Law::element_under_pressure`] for a point. Set-up takes only laws that have an answer.
-    pub(super) fn element_under_pressure(
-        &self,
-        point: usize,
-        element: &Tetrahedron,
-        edges: &Matrix3<f64>,
-        pressure: f64,
-        filter: bool,
-        out: &mut ElementMatrices,
-    ) -> bool {
-        let filtered = self.law.element_under_pressure(element, edges, pressure, filter, out).unwrap_or_default();
-        filtered | self.add_memory(point, element, edges, filter, out)
-    }
-
-    fn add_memory(
-        &self,
-        point: usize,
-        element: &Tetrahedron,
-        edges: &Matrix3<f64>,
-        filter: bool,
-        out: &mut ElementMatrices,
-    ) -> bool {
-        self.remembered(point)
-            .is_some_and(|memory| add_memory(element, &(edges * element.inverse_rest_edges), &memory, filter, out))
-    }
-
-    /// First Piola stress of a point (Pa).
-    pub(super) fn first_piola(&self, point: usize, F: &Matrix3<f64>) -> Matrix3<f64> {
-        let P = self.law.first_piola(F);
-        self.remembered(point).map_or(P, |memory| P - F * memory)
-    }
-
-    /// What a step minimises at a point (J/m³).
-    pub(super) fn energy_density(&self, point: usize, F: &Matrix3<f64>) -> f64 {
-        self.law.energy_density(F) - self.remembered(point).map_or(0.0, |memory| remembered_energy(&memory, F))
-    }
-}
-
-/// `Γ : (C - I)/2` (J/m³).
-fn remembered_energy(memory: &Matrix3<f64>, F: &Matrix3<f64>) -> f64 {
-    memory.dot(&((F.transpose() * F - Matrix3::identity()) * 0.5))
 }
 
 /// Takes the memory of viscous tissue over a step `dt` (s) that has ended in `state.q`. Once per accepted step, after it;

@@ -9,8 +9,8 @@
 //! K_ij = Σ_e (V_e ∂²rest/∂q_i∂q_j + p_e ∂²v_e/∂q_i∂q_j) + Σ_g U''(J_g) / V_g a_gi a_gjᵀ,   a_gi = Σ_e w_ge ∂v_e/∂q_i
 //! ```
 //! Forces and tangent are derivatives of one energy; the tangent is symmetric, and uniform strain is exact. The element
-//! part is an ordinary element under the pressure `p_e` ([`element_under_pressure`]); the filter treats it as such and
-//! drops groups with `U'' < 0`. The group part couples all nodes of a group. How elements are grouped, and why:
+//! part is an ordinary element under the pressure `p_e` ([`element_under_pressure`]), in packs like linear ones; the filter
+//! treats it as such and drops groups with `U'' < 0`. The group part couples all nodes of a group. How elements are grouped, and why:
 //! [`Grouping`].
 //!
 //! [`without_bulk`]: crate::material::Law::without_bulk
@@ -19,17 +19,20 @@
 #![allow(non_snake_case)]
 
 mod groups;
+mod volumes;
 
 use nalgebra::{Matrix3, Vector3};
+use pulp::Arch;
 use rayon::prelude::*;
 
 pub use self::groups::Grouping;
 pub(crate) use self::groups::Groups;
+use self::volumes::{PackVolumes, pack_volumes};
 use crate::{
-    assembly::{ScatterLists, sum_by_halves},
+    assembly::{UpperBlocks, sum_by_halves},
     element::Tetrahedron,
     material::Bulk,
-    rotation::cofactor,
+    pack::{PACK, Pack, Row},
     sparse::{BlockPattern, FIXED},
 };
 
@@ -68,14 +71,16 @@ pub(crate) struct Averaging {
     share: f64,
     /// Elements of each group.
     members: Table<u32>,
-    /// Groups of each element.
+    /// Slot of each element, `PACK pack + place`.
+    slot_of: Vec<u32>,
+    /// Groups of the elements by slot; none in places without an element.
     groups_of: Table<u32>,
     /// Rest volume of each group (m³).
     volume: Vec<f64>,
     bulk: Vec<Bulk>,
     /// Group of each entry; an entry is a free node of a group.
     group_of_entry: Vec<u32>,
-    /// Elements of the group around the entry's node: `element << 2 | local node`.
+    /// Elements of the group around the entry's node: `slot << 2 | local node` of the pack.
     sources: Table<u32>,
     /// For each upper block the pairs of entries that add to it: row, column.
     pairs: Table<[u32; 2]>,
@@ -84,16 +89,14 @@ pub(crate) struct Averaging {
 /// Scratch of the groups.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct AveragingWorkspace {
-    /// Volume of each element (m³).
-    volumes: Vec<f64>,
-    /// `∂v/∂q` of the nodes 1, 2, 3 of each element as columns (m²).
-    gradients: Vec<Matrix3<f64>>,
+    /// Volumes and their gradients by pack.
+    volumes: Vec<PackVolumes>,
     /// `U'` (Pa) and `U'' / V` (Pa/m³) of each group.
     slopes: Vec<[f64; 2]>,
     /// Whether groups with `U'' < 0` add no blocks.
     filter: bool,
-    /// `p_e` (Pa).
-    pub(crate) pressures: Vec<f64>,
+    /// `p_e` (Pa) by pack.
+    pub(crate) pressures: Vec<Row>,
     /// `a` of each entry (m²).
     areas: Vec<Vector3<f64>>,
 }
@@ -111,37 +114,51 @@ pub(crate) fn cliques(groups: &Groups, elements: &[[u32; 4]], free_of_node: &[u3
 }
 
 impl Averaging {
-    /// Lists over groups with their bulk terms; `cliques` as from [`cliques`], held by `pattern`.
+    /// Lists over groups with their bulk terms; `cliques` as from [`cliques`], held by `pattern`. The packs hold the elements
+    /// in their order.
     pub(crate) fn new(
         groups: Groups,
         bulk: Vec<Bulk>,
         cliques: &[Vec<u32>],
-        elements: &[Tetrahedron],
+        packs: &[Pack],
         free_of_node: &[u32],
         pattern: &BlockPattern,
-        scatter: &ScatterLists,
+        upper: &UpperBlocks,
     ) -> Self {
         let share = groups.share;
-        let volume = groups.members.iter().map(|m| share * m.iter().map(|&e| elements[e as usize].volume).sum::<f64>());
-        let volume = volume.collect();
-        let mut groups_of = vec![Vec::new(); elements.len()];
+        let slot_of: Vec<u32> = (0..)
+            .zip(packs)
+            .flat_map(|(p, pack)| (0..pack.len as u32).map(move |lane| PACK as u32 * p + lane))
+            .collect();
+        let at = |e: u32| {
+            let slot = slot_of[e as usize] as usize;
+            (&packs[slot / PACK], slot % PACK)
+        };
+        let rest_volume = |&e: &u32| {
+            let (pack, lane) = at(e);
+            pack.volume[lane]
+        };
+        let volume = groups.members.iter().map(|m| share * m.iter().map(rest_volume).sum::<f64>()).collect();
+        let mut groups_of = vec![Vec::new(); PACK * packs.len()];
         for (g, members) in (0..).zip(&groups.members) {
-            members.iter().for_each(|&e| groups_of[e as usize].push(g));
+            members.iter().for_each(|&e| groups_of[slot_of[e as usize] as usize].push(g));
         }
         let (mut group_of_entry, mut sources) = (Vec::new(), Vec::new());
-        let mut pairs = vec![Vec::new(); scatter.upper_blocks()];
+        let mut pairs = vec![Vec::new(); upper.count()];
         for (g, (members, nodes)) in groups.members.iter().zip(cliques).enumerate() {
             let first = group_of_entry.len();
             for &node in nodes {
                 let around = members.iter().flat_map(|&e| (0..4).map(move |a| (e, a)));
-                let of_node =
-                    |&(e, a): &(u32, u32)| free_of_node[elements[e as usize].nodes[a as usize] as usize] == node;
-                sources.push(around.filter(of_node).map(|(e, a)| e << 2 | a).collect());
+                let of_node = |&(e, a): &(u32, u32)| {
+                    let (pack, lane) = at(e);
+                    free_of_node[pack.nodes[lane][a as usize] as usize] == node
+                };
+                sources.push(around.filter(of_node).map(|(e, a)| slot_of[e as usize] << 2 | a).collect());
                 group_of_entry.push(g as u32);
             }
             for (i, &row) in nodes.iter().enumerate() {
                 for (j, &column) in nodes.iter().enumerate().skip(i) {
-                    if let Some(p) = scatter.upper_position(pattern, row, column) {
+                    if let Some(p) = upper.position(pattern, row, column) {
                         pairs[p as usize].push([(first + i) as u32, (first + j) as u32]);
                     }
                 }
@@ -150,6 +167,7 @@ impl Averaging {
         Self {
             share,
             members: Table::new(groups.members.into_iter()),
+            slot_of,
             groups_of: Table::new(groups_of.into_iter()),
             volume,
             bulk,
@@ -162,11 +180,10 @@ impl Averaging {
     /// Memory for the groups.
     pub(crate) fn workspace(&self) -> AveragingWorkspace {
         AveragingWorkspace {
-            volumes: vec![0.0; self.groups_of.rows()],
-            gradients: vec![Matrix3::zeros(); self.groups_of.rows()],
+            volumes: vec![PackVolumes::ZERO; self.groups_of.rows() / PACK],
             slopes: vec![[0.0; 2]; self.members.rows()],
             filter: false,
-            pressures: vec![0.0; self.groups_of.rows()],
+            pressures: vec![[0.0; PACK]; self.groups_of.rows() / PACK],
             areas: vec![Vector3::zeros(); self.group_of_entry.len()],
         }
     }
@@ -180,8 +197,10 @@ impl Averaging {
     pub(crate) fn ratios(&self, elements: &[Tetrahedron], q: &[Vector3<f64>]) -> Vec<f64> {
         let volume_of = |e: usize| elements[e].edges(q).determinant() / 6.0;
         let of_groups: Vec<f64> = (0..self.volume.len()).map(|g| self.ratio(g, volume_of)).collect();
-        let mean = |e| self.share * self.groups_of.row(e).iter().map(|&g| of_groups[g as usize]).sum::<f64>();
-        (0..elements.len()).map(mean).collect()
+        let mean = |&slot: &u32| {
+            self.share * self.groups_of.row(slot as usize).iter().map(|&g| of_groups[g as usize]).sum::<f64>()
+        };
+        self.slot_of.iter().map(mean).collect()
     }
 
     /// Energy of the groups (J).
@@ -193,54 +212,60 @@ impl Averaging {
         })
     }
 
-    /// Whether the filter drops a group of an element, after [`Averaging::pressures`].
-    pub(crate) fn is_dropped(&self, element: usize, ws: &AveragingWorkspace) -> bool {
-        ws.filter && self.groups_of.row(element).iter().any(|&g| ws.slopes[g as usize][1] < 0.0)
+    /// Marks elements of which the filter drops a group, after [`Averaging::pressures`].
+    pub(crate) fn mark_dropped(&self, pack: usize, ws: &AveragingWorkspace, filtered: &mut Row) {
+        if !ws.filter {
+            return;
+        }
+        for (lane, filtered) in filtered.iter_mut().enumerate() {
+            if self.groups_of.row(PACK * pack + lane).iter().any(|&g| ws.slopes[g as usize][1] < 0.0) {
+                *filtered = 1.0;
+            }
+        }
     }
 
     /// Pressures of the elements; with `filter`, groups with `U'' < 0` will add no blocks.
     pub(crate) fn pressures(
         &self,
-        elements: &[Tetrahedron],
+        packs: &[Pack],
         q: &[Vector3<f64>],
         filter: bool,
         parallel: bool,
         ws: &mut AveragingWorkspace,
     ) {
-        fill(parallel, &mut ws.volumes, |e| elements[e].edges(q).determinant() / 6.0);
+        update(parallel, &mut ws.volumes, |p, out| pack_volumes(Arch::new(), &packs[p].at(q), out));
         let volumes = &ws.volumes;
         fill(parallel, &mut ws.slopes, |g| {
-            let U = self.bulk[g].at(self.ratio(g, |e| volumes[e]));
+            let volume_of = |e: usize| {
+                let slot = self.slot_of[e] as usize;
+                volumes[slot / PACK].volume[slot % PACK]
+            };
+            let U = self.bulk[g].at(self.ratio(g, volume_of));
             [U.first, U.second / self.volume[g]]
         });
         ws.filter = filter;
         let slopes = &ws.slopes;
-        fill(parallel, &mut ws.pressures, |e| {
-            self.share * self.groups_of.row(e).iter().map(|&g| slopes[g as usize][0]).sum::<f64>()
+        update(parallel, &mut ws.pressures, |p, pressures| {
+            for (lane, pressure) in pressures.iter_mut().enumerate() {
+                let groups = self.groups_of.row(PACK * p + lane).iter();
+                *pressure = self.share * groups.map(|&g| slopes[g as usize][0]).sum::<f64>();
+            }
         });
     }
 
     /// Adds the blocks of the groups to the upper half, after [`Averaging::pressures`].
-    pub(crate) fn add_blocks(
-        &self,
-        elements: &[Tetrahedron],
-        q: &[Vector3<f64>],
-        parallel: bool,
-        ws: &mut AveragingWorkspace,
-        upper: &mut [Matrix3<f64>],
-    ) {
-        fill(parallel, &mut ws.gradients, |e| cofactor(&elements[e].edges(q)) * (self.share / 6.0));
-        let gradients = &ws.gradients;
+    pub(crate) fn add_blocks(&self, parallel: bool, ws: &mut AveragingWorkspace, upper: &mut [Matrix3<f64>]) {
+        let volumes = &ws.volumes;
         fill(parallel, &mut ws.areas, |entry| {
             let mut area = Vector3::zeros();
-            for source in self.sources.row(entry) {
-                let of_element = &gradients[(source >> 2) as usize];
-                match source & 3 {
-                    0 => area -= of_element.column(0) + of_element.column(1) + of_element.column(2),
-                    a => area += of_element.column(a as usize - 1),
+            for &source in self.sources.row(entry) {
+                let (slot, a) = ((source >> 2) as usize, (source & 3) as usize);
+                let rows = &volumes[slot / PACK].gradients[a];
+                for c in 0..3 {
+                    area[c] += rows[c][slot % PACK];
                 }
             }
-            area
+            area * self.share
         });
         let (areas, slopes, filter) = (&ws.areas, &ws.slopes, ws.filter);
         update(parallel, upper, |p, block| {

@@ -19,11 +19,14 @@
 
 #![allow(non_snake_case)]
 
+mod matrices;
+
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
-use super::{ElementMatrices, NodalShares};
-use crate::{material::BatchReport, rotation::cofactor};
+pub use self::matrices::QuadraticMatrices;
+pub(crate) use self::matrices::upper_index;
+use crate::rotation::cofactor;
 
 /// Corners that each mid-node lies between, in the order of the mid-nodes.
 pub const EDGES: [(usize, usize); 6] = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)];
@@ -84,6 +87,14 @@ pub struct QuadraticTetrahedron {
     pub weights: [f64; POINTS],
     /// Gradients `g_1..g_9` at each point (1/m); `g_0` is minus their sum.
     gradients: [[Vector3<f64>; 9]; POINTS],
+    straight: bool,
+}
+
+/// Whether the mid-nodes of an element with the given rest positions (m) lie at the middles of straight edges, to the
+/// rounding of their coordinates.
+pub fn is_straight(x: &[Vector3<f64>; 10]) -> bool {
+    let largest = x.iter().map(Vector3::amax).fold(0.0, f64::max);
+    EDGES.iter().zip(&x[4..]).all(|(&(a, b), mid)| (mid - (x[a] + x[b]) * 0.5).amax() <= 4.0 * f64::EPSILON * largest)
 }
 
 /// Derivatives of the shape functions by the barycentric coordinates `1, 2, 3` (with `l_0 = 1 - l_1 - l_2 - l_3`).
@@ -149,7 +160,12 @@ impl QuadraticTetrahedron {
         (0..POINTS).try_for_each(|k| folded(point(k)))?;
         (0..10).try_for_each(|i| folded(node_coordinates(i)))?;
 
-        let mut element = Self { nodes, weights: [0.0; POINTS], gradients: [[Vector3::zeros(); 9]; POINTS] };
+        let mut element = Self {
+            nodes,
+            weights: [0.0; POINTS],
+            gradients: [[Vector3::zeros(); 9]; POINTS],
+            straight: is_straight(&x),
+        };
         for k in 0..POINTS {
             let at = point(k);
             let dX = jacobian(&at);
@@ -227,135 +243,20 @@ impl QuadraticTetrahedron {
         })
     }
 
-    /// Adds the forces of a first Piola stress `P` (Pa) at point `k` to those of nodes 1 to 9 (N).
-    #[inline]
-    pub fn add_forces(&self, k: usize, P: &Matrix3<f64>, forces: &mut [Vector3<f64>; 10]) {
-        let wP = P * -self.weights[k];
-        for (force, g) in forces[1..].iter_mut().zip(&self.gradients[k]) {
-            *force += wP * g;
-        }
+    /// Whether all mid-nodes lie at the middles of straight edges, to rounding.
+    pub fn is_straight(&self) -> bool {
+        self.straight
     }
 
-    /// Adds point `k` to the blocks of nodes 1 to 9. `tangent` holds `∂P/∂F` over six times the unit of stress, as the
-    /// blocks of the [unit tetrahedron](super::UNIT): block `(k, l)` is `∂P_.k / ∂F_.l / 6` (Pa).
-    fn add_blocks(&self, k: usize, tangent: &[Matrix3<f64>; 6], blocks: &mut [Matrix3<f64>; 55]) {
-        let w = 6.0 * self.weights[k];
-        let [c00, c01, c02, c11, c12, c22] = tangent.map(|c| c * w);
-        let (c10, c20, c21) = (c01.transpose(), c02.transpose(), c12.transpose());
-        let g = &self.gradients[k];
-        for j in 0..9 {
-            let (x, y, z) = (g[j].x, g[j].y, g[j].z);
-            let t0 = c00 * x + c01 * y + c02 * z;
-            let t1 = c10 * x + c11 * y + c12 * z;
-            let t2 = c20 * x + c21 * y + c22 * z;
-            for i in 0..=j {
-                blocks[upper_index(i + 1, j + 1)] += t0 * g[i].x + t1 * g[i].y + t2 * g[i].z;
-            }
-        }
-    }
-
-    /// Forces and exact tangent from what the law answered at each point for the unit tetrahedron.
-    pub(crate) fn matrices(&self, points: &[ElementMatrices], out: &mut QuadraticMatrices) {
-        *out = QuadraticMatrices::ZERO;
-        for (k, at_point) in points.iter().enumerate().take(POINTS) {
-            self.add_forces(k, &(at_point.forces * -6.0), &mut out.forces);
-            self.add_blocks(k, &at_point.blocks, &mut out.blocks);
-        }
-        out.complete();
+    /// Deformation gradients at the ten nodes, extrapolated from those at the points: exact where edges are straight.
+    pub(crate) fn nodal_gradients(&self, q: &[Vector3<f64>]) -> [Matrix3<f64>; 10] {
+        let points = self.deformation_gradients(q);
+        std::array::from_fn(|i| points.iter().zip(extrapolation(i)).map(|(F, share)| F * share).sum())
     }
 }
 
-/// Forces and exact tangents of quadratic elements of one tissue: `answer` is what it answers to point `p` of element `k` as
-/// unit tetrahedron with edges `F`, as [`Law::element`](crate::material::Law::element). The report counts elements, not
-/// points; the Jacobian of an element is the least at its points.
-pub(crate) fn quadratic_batch(
-    elements: &[QuadraticTetrahedron],
-    q: &[Vector3<f64>],
-    answer: impl Fn(usize, usize, &Matrix3<f64>, &mut ElementMatrices) -> bool,
-    out: &mut [QuadraticMatrices],
-) -> BatchReport {
-    let mut report = BatchReport::default();
-    let mut points = [ElementMatrices::ZERO; POINTS];
-    for (k, (element, out)) in elements.iter().zip(out).enumerate() {
-        let (mut J, mut filtered, mut finite) = (f64::INFINITY, false, true);
-        for (p, (F, point)) in element.deformation_gradients(q).iter().zip(&mut points).enumerate() {
-            filtered |= answer(k, p, F, point);
-            finite &= point.is_finite();
-            J = J.min(F.determinant());
-        }
-        element.matrices(&points, out);
-        report.note(k as u32, J, filtered, finite);
-    }
-    report
-}
-
-/// The forces of [`quadratic_batch`] alone; `stress` is the first Piola stress (Pa) of point `p` of element `k` at `F`.
-pub(crate) fn quadratic_forces(
-    elements: &[QuadraticTetrahedron],
-    q: &[Vector3<f64>],
-    stress: impl Fn(usize, usize, &Matrix3<f64>) -> Matrix3<f64>,
-    out: &mut [QuadraticMatrices],
-) -> BatchReport {
-    let mut report = BatchReport::default();
-    for (k, (element, out)) in elements.iter().zip(out).enumerate() {
-        let mut J = f64::INFINITY;
-        out.forces.fill(Vector3::zeros());
-        for (p, F) in element.deformation_gradients(q).iter().enumerate() {
-            element.add_forces(p, &stress(k, p, F), &mut out.forces);
-            J = J.min(F.determinant());
-        }
-        out.forces[0] = -out.forces[1..].iter().sum::<Vector3<f64>>();
-        report.note(k as u32, J, false, out.forces.iter().flatten().all(|f| f.is_finite()));
-    }
-    report
-}
-
-/// Place of the block of nodes `i <= j` among the 55 on and above the diagonal, which are listed by rows.
-#[inline]
-pub(crate) const fn upper_index(i: usize, j: usize) -> usize {
-    i * (19 - i) / 2 + j
-}
-
-/// Forces and stiffness blocks of a quadratic tetrahedron.
-#[derive(Clone, Debug, PartialEq)]
-pub struct QuadraticMatrices {
-    /// Internal force of each node (N).
-    pub forces: [Vector3<f64>; 10],
-    /// Blocks `K_ij`, `i <= j`, of `K = -∂f/∂q` by rows (N/m).
-    pub blocks: [Matrix3<f64>; 55],
-}
-
-impl QuadraticMatrices {
-    /// All zero.
-    pub const ZERO: Self = Self {
-        forces: [Vector3::new(0.0, 0.0, 0.0); 10],
-        blocks: [Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0); 55],
-    };
-
-    /// Node 0 from the others: the shape functions add up to one, so a translation is free of force.
-    fn complete(&mut self) {
-        self.forces[0] = -self.forces[1..].iter().sum::<Vector3<f64>>();
-        for j in 1..10 {
-            let column = (1..10).map(|i| match i <= j {
-                true => self.blocks[upper_index(i, j)],
-                false => self.blocks[upper_index(j, i)].transpose(),
-            });
-            self.blocks[j] = -column.sum::<Matrix3<f64>>();
-        }
-        self.blocks[0] = -(1..10).map(|j| self.blocks[j].transpose()).sum::<Matrix3<f64>>();
-    }
-}
-
-impl NodalShares for QuadraticMatrices {
-    const NODES: usize = 10;
-
-    #[inline]
-    fn force(&self, a: usize) -> Vector3<f64> {
-        self.forces[a]
-    }
-
-    #[inline]
-    fn upper(&self, k: usize) -> Matrix3<f64> {
-        self.blocks[k]
-    }
+/// Shares of the four points in a value at node `i`, of what varies linearly over the element.
+fn extrapolation(i: usize) -> [f64; POINTS] {
+    let far = (1.0 - NEAR) / 3.0;
+    node_coordinates(i).map(|l| (l - far) / (NEAR - far))
 }

@@ -11,14 +11,23 @@
 //! LLᵀ rather than LDLᵀ: `W` wants the symmetric half `L⁻¹`, and a matrix that is not positive definite must be
 //! reported, not factored.
 
+mod arena;
+mod column_kernels;
+mod front;
 mod gram;
+mod half_block;
+mod left_looking;
+mod multifrontal;
 mod numeric;
 mod permuted_blocks;
 pub mod reach;
 mod solve;
+mod substitution;
 mod supernodal_tree;
 mod symbolic;
+mod workers;
 
+pub use left_looking::LeftLookingFactor;
 pub use numeric::{Factor, FactorReport, FactorStatus};
 pub use reach::{ReachReport, ReachStatus, ReachWorkspace};
 pub use solve::{SolveStatus, SolveWorkspace};

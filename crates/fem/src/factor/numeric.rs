@@ -3,17 +3,21 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization};
-use faer::sparse::SparseColMatRef;
 use faer::sparse::linalg::cholesky::supernodal;
-use faer::{Par, Spec};
 
+use super::multifrontal::{self, Fault};
 use super::symbolic::SymbolicFactor;
+use super::workers::join;
 use crate::sparse::SystemMatrix;
 
 /// Numbers every successful refactorisation in the process, so that half solves are never paired with another factor.
 static REVISIONS: AtomicU64 = AtomicU64::new(0);
+
+/// Squares of pivots (unit of `A`) that single precision holds with room to spare: its numbers reach from 1e-38 to 3e38.
+const SOUND: std::ops::RangeInclusive<f64> = 1e-40..=1e40;
+
+/// Numbers that are rounded in one piece.
+const ROUND_AT_ONCE: usize = 1 << 18;
 
 /// How a refactorisation ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,8 +58,12 @@ pub struct FactorReport {
 pub struct Factor {
     symbolic: Arc<SymbolicFactor>,
     values: Vec<f64>,
-    lower: Vec<f64>,
-    memory: MemBuffer,
+    /// `L` in single precision, where a copy is kept.
+    single: Option<Vec<f32>>,
+    /// Whether the numbers of this factor lie well within its range.
+    single_is_sound: bool,
+    /// Update matrices of the fronts; scratch.
+    updates: Vec<f64>,
     /// Zero while there is no valid factor.
     revision: u64,
 }
@@ -65,8 +73,9 @@ impl Clone for Factor {
     fn clone(&self) -> Self {
         let mut copy = Self::new(Arc::clone(&self.symbolic));
         copy.values.copy_from_slice(&self.values);
-        copy.lower.copy_from_slice(&self.lower);
         copy.revision = self.revision;
+        copy.single.clone_from(&self.single);
+        copy.single_is_sound = self.single_is_sound;
         copy
     }
 }
@@ -74,18 +83,20 @@ impl Clone for Factor {
 impl Factor {
     /// Memory for a factor; invalid until the first [`Self::refactor`] succeeds.
     pub fn new(symbolic: Arc<SymbolicFactor>) -> Self {
-        let memory = MemBuffer::new(supernodal::factorize_supernodal_numeric_llt_scratch::<u32, f64>(
-            symbolic.supernodes(),
-            Par::Seq,
-            Spec::default(),
-        ));
         Self {
             values: vec![0.0; symbolic.stored_values()],
-            lower: vec![0.0; symbolic.lower().row_idx().len()],
-            memory,
+            updates: vec![0.0; symbolic.arena().len()],
             symbolic,
+            single: None,
+            single_is_sound: false,
             revision: 0,
         }
+    }
+
+    /// The same, and every refactorisation leaves a copy of `L` in single precision for [`Self::precondition`].
+    pub fn with_single_precision_copy(symbolic: Arc<SymbolicFactor>) -> Self {
+        let single = Some(vec![0.0; symbolic.stored_values()]);
+        Self { single, ..Self::new(symbolic) }
     }
 
     /// The shared symbolic part.
@@ -114,31 +125,23 @@ impl Factor {
             return failed(FactorStatus::OtherPattern);
         }
         self.revision = 0;
-        if !self.symbolic.gather_lower(a, &mut self.lower) {
-            let node = self.symbolic.first_non_finite(a).unwrap_or(0);
-            return failed(FactorStatus::NonFinite { node });
-        }
-        let outcome = supernodal::factorize_supernodal_numeric_llt(
-            &mut self.values,
-            SparseColMatRef::new(self.symbolic.lower(), &self.lower),
-            LltRegularization::default(),
-            self.symbolic.supernodes(),
-            Par::Seq,
-            MemStack::new(&mut self.memory),
-            Spec::default(),
-        );
-        if let Err(LltError::NonPositivePivot { index }) = outcome {
-            return failed(self.not_positive_at(index));
+        let factored = multifrontal::factor(&self.symbolic, a, &mut self.values, &mut self.updates);
+        if let Err(fault) = factored {
+            return failed(match (self.symbolic.first_non_finite(a), fault) {
+                (Some(node), _) => FactorStatus::NonFinite { node },
+                (None, Fault::Pivot(row)) => self.symbolic.not_positive_at(row),
+                (None, Fault::NonFinite) => FactorStatus::NonFinite { node: 0 },
+            });
         }
         // a non-finite entry in row i of L would have made pivot i fail, so L is finite here
         let (smallest, largest) = self.pivot_range();
+        if let Some(single) = &mut self.single {
+            round(&self.values, single);
+            // no entry of L is larger than the root of the largest diagonal entry of A, of which pivots tell the order
+            self.single_is_sound = SOUND.contains(&smallest) && SOUND.contains(&largest);
+        }
         self.revision = 1 + REVISIONS.fetch_add(1, Ordering::Relaxed);
         FactorReport { status: FactorStatus::Ok, smallest_pivot: smallest, largest_pivot: largest }
-    }
-
-    fn not_positive_at(&self, permuted_row: usize) -> FactorStatus {
-        let node = self.symbolic.ordering().old_of_new.get(permuted_row / 3).copied().unwrap_or(0);
-        FactorStatus::NotPositiveDefinite { node, component: (permuted_row % 3) as u8 }
     }
 
     /// Smallest and largest squared diagonal entry of `L`.
@@ -156,7 +159,27 @@ impl Factor {
         (smallest, largest)
     }
 
+    /// The copy in single precision, if there is a sound one.
+    pub(super) fn single(&self) -> Option<&[f32]> {
+        self.single.as_deref().filter(|_| self.single_is_sound)
+    }
+
+    /// Stored values of `L`, supernode by supernode.
+    pub(super) fn values(&self) -> &[f64] {
+        &self.values
+    }
+
     pub(super) fn llt(&self) -> supernodal::SupernodalLltRef<'_, u32, f64> {
         supernodal::SupernodalLltRef::new(self.symbolic.supernodes(), &self.values)
+    }
+}
+
+fn round(values: &[f64], single: &mut [f32]) {
+    if values.len() > ROUND_AT_ONCE {
+        let half = values.len() / 2;
+        let (low, high) = single.split_at_mut(half);
+        join(|| round(&values[..half], low), || round(&values[half..], high));
+    } else {
+        single.iter_mut().zip(values).for_each(|(single, value)| *single = *value as f32);
     }
 }

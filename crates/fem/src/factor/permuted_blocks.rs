@@ -15,7 +15,7 @@ pub(super) enum Triangle {
 pub(super) struct PermutedBlocks {
     /// For each node column of the lower triangle, where its blocks lie; the diagonal block comes first.
     pub(super) column_start: Vec<usize>,
-    row: Vec<u32>,
+    pub(super) row: Vec<u32>,
     /// Position in the blocks of the system matrix of each lower block, column by column.
     pub(super) source: Vec<u32>,
     upper_start: Vec<usize>,

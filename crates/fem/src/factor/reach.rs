@@ -4,20 +4,18 @@
 //! of the elimination tree (Gilbert and Peierls 1988). `Y` is computed on the union of the paths of all rows, by
 //! supernodes with dense kernels, and `W` needs no backward substitution. The rows are sorted by the first supernode
 //! that they reach: since subtrees are contiguous in elimination order, the rows that have reached a supernode then
-//! lie close together, and only the range from the first to the last of them is computed there.
+//! lie close together, and only the range from the first to the last of them is computed there. Blocks of sorted rows
+//! are solved side by side on the workers of a pool; how rows are put into blocks depends on their number alone.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::matmul::matmul;
-use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
-use faer::prelude::{Reborrow, ReborrowMut};
-use faer::{Accum, Conj, MatMut, Par};
 use nalgebra::DMatrixViewMut;
 
+use super::half_block::{BLOCK_ROWS, HalfBlock, INACTIVE};
 use super::numeric::Factor;
 use super::solve::{SolveStatus, permute_back};
+use super::substitution;
 use super::symbolic::SymbolicFactor;
+use super::workers::join;
 use crate::nodal_rows::NodalRows;
-use crate::ordering::NO_PARENT;
 
 /// How a half solve ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,58 +55,40 @@ pub struct ReachReport {
 /// Memory for half solves of up to a stated number of rows, and their result.
 pub struct ReachWorkspace {
     max_rows: usize,
-    /// `Yᵀ`: one column of `stride` numbers per reached degree of freedom, one entry per (sorted) row of `H`.
-    pub(super) half: Vec<f64>,
-    pub(super) stride: usize,
-    update: Vec<f64>,
+    pub(super) blocks: Vec<HalfBlock>,
+    /// Blocks of the last half solve.
+    pub(super) used: usize,
     pub(super) gram: Vec<f64>,
-    /// Per supernode: first column of `half`, and the range of sorted rows that are nonzero there.
-    pub(super) base: Vec<u32>,
-    pub(super) active: Vec<(u32, u32)>,
-    pub(super) reached: Vec<u32>,
     /// First supernode that each row reaches, and the rows sorted by it.
     first: Vec<u32>,
     pub(super) sorted: Vec<u32>,
-    place: Vec<u32>,
     lambda: Vec<f64>,
     permuted: Vec<f64>,
-    memory: MemBuffer,
+    /// Rows below each front, for the correction.
+    below: Vec<f64>,
     widest_pattern: usize,
     pub(super) rows: usize,
-    pub(super) columns: usize,
-    /// Revision of the factor that `half` was computed with; zero while there is none.
+    /// Revision of the factor that the half solves are of; zero while there is none.
     pub(super) revision: u64,
 }
-
-/// No row has reached the supernode.
-const INACTIVE: (u32, u32) = (u32::MAX, 0);
 
 impl ReachWorkspace {
     /// Memory for up to `max_rows` rows on bodies of this topology: `8 · max_rows · 3 n` bytes of address space, of
     /// which only what is reached is ever touched.
     pub fn new(symbolic: &SymbolicFactor, max_rows: usize) -> Self {
-        let n = symbolic.degrees_of_freedom();
-        let supernodes = symbolic.supernode_count();
-        let widest_pattern = symbolic.tree().widest_pattern();
-        let largest_stride = stride_for(max_rows);
+        let block_rows = BLOCK_ROWS.min(max_rows);
         Self {
             max_rows,
-            half: vec![0.0; largest_stride * n],
-            stride: largest_stride,
-            update: vec![0.0; largest_stride * widest_pattern],
+            blocks: (0..max_rows.div_ceil(BLOCK_ROWS)).map(|_| HalfBlock::new(symbolic, block_rows)).collect(),
+            used: 0,
             gram: vec![0.0; max_rows * max_rows],
-            base: vec![0; supernodes],
-            active: vec![INACTIVE; supernodes],
-            reached: Vec::with_capacity(supernodes),
             first: vec![0; max_rows],
             sorted: Vec::with_capacity(max_rows),
-            place: vec![0; max_rows],
             lambda: vec![0.0; max_rows],
-            permuted: vec![0.0; n],
-            memory: MemBuffer::new(symbolic.supernodes().solve_in_place_scratch::<f64>(1, Par::Seq)),
-            widest_pattern,
+            permuted: vec![0.0; symbolic.degrees_of_freedom()],
+            below: vec![0.0; symbolic.rows_below()],
+            widest_pattern: symbolic.tree().widest_pattern(),
             rows: 0,
-            columns: 0,
             revision: 0,
         }
     }
@@ -123,117 +103,64 @@ impl ReachWorkspace {
         self.rows
     }
 
-    /// Finds the supernodes that the rows reach, in elimination order, and which rows are nonzero where.
-    fn find_reach(&mut self, symbolic: &SymbolicFactor, rows: &NodalRows) -> Result<(), ReachStatus> {
-        let tree = symbolic.tree();
+    /// Sorts the rows by the first supernode that they reach.
+    fn sort(&mut self, symbolic: &SymbolicFactor, rows: &NodalRows) -> Result<(), ReachStatus> {
         let place_in_order = &symbolic.ordering().new_of_old;
-        let owner = |node: u32| place_in_order.get(node as usize).map(|&new| tree.owner(3 * new as usize));
         for r in 0..rows.len() {
-            self.first[r] = NO_PARENT;
+            self.first[r] = u32::MAX;
             for (node, _) in rows.row(r) {
-                let s = owner(node).ok_or(ReachStatus::UnknownNode { node })?;
-                self.first[r] = self.first[r].min(s as u32);
+                let new = place_in_order.get(node as usize).ok_or(ReachStatus::UnknownNode { node })?;
+                self.first[r] = self.first[r].min(symbolic.tree().owner(3 * *new as usize) as u32);
             }
         }
         self.sorted.clear();
         self.sorted.extend(0..rows.len() as u32);
         let first = &self.first;
         self.sorted.sort_unstable_by_key(|&r| (first[r as usize], r));
-
-        self.active.fill(INACTIVE);
-        for (place, &r) in self.sorted.iter().enumerate() {
-            self.place[r as usize] = place as u32;
-            for s in rows.row(r as usize).filter_map(|(node, _)| owner(node)) {
-                widen(&mut self.active[s], (place as u32, place as u32 + 1));
-            }
-        }
-        // children come before parents, so one ascending pass carries every range to the root
-        self.reached.clear();
-        self.columns = 0;
-        for s in 0..self.active.len() {
-            if self.active[s] == INACTIVE {
-                continue;
-            }
-            self.base[s] = self.columns as u32;
-            self.columns += tree.columns(s).len();
-            self.reached.push(s as u32);
-            let parent = tree.parents()[s];
-            if parent != NO_PARENT {
-                let range = self.active[s];
-                widen(&mut self.active[parent as usize], range);
-            }
-        }
         Ok(())
     }
 
-    /// Places `P Hᵀ` in the zeroed compact columns.
-    fn place_rows(&mut self, symbolic: &SymbolicFactor, rows: &NodalRows) {
-        let tree = symbolic.tree();
-        self.stride = stride_for(rows.len());
-        self.half[..self.columns * self.stride].fill(0.0);
-        for r in 0..rows.len() {
-            for (node, value) in rows.row(r) {
-                let dof = 3 * symbolic.ordering().new_of_old[node as usize] as usize;
-                let s = tree.owner(dof);
-                let column = self.base[s] as usize + dof - tree.columns(s).start;
-                for c in 0..3 {
-                    self.half[(column + c) * self.stride + self.place[r] as usize] += value[c];
-                }
-            }
-        }
+    /// Supernodes, and degrees of freedom, on the union of the paths of all rows.
+    fn reached(&self, symbolic: &SymbolicFactor) -> (usize, usize) {
+        let blocks = &self.blocks[..self.used];
+        let on_a_path = |s: &usize| blocks.iter().any(|block| block.active[*s] != INACTIVE);
+        (0..symbolic.supernode_count())
+            .filter(on_a_path)
+            .fold((0, 0), |(count, columns), s| (count + 1, columns + symbolic.tree().columns(s).len()))
     }
+}
 
-    /// Forward substitution on supernode `s`: its own block, then its share of every row further up.
-    fn eliminate(&mut self, factor: &Factor, s: usize) {
-        let tree = factor.symbolic().tree();
-        let supernode = factor.llt().supernode(s);
-        let width = supernode.val().ncols();
-        let (top, below) = supernode.val().split_at_row(width);
-        let (from, to) = (self.active[s].0 as usize, self.active[s].1 as usize);
-        let rows = to - from;
-        let stride = self.stride;
-        let base = self.base[s] as usize;
+/// Rows in each block where `rows` are spread evenly over as few blocks as hold them.
+pub(super) fn rows_per_block(rows: usize) -> usize {
+    rows.div_ceil(rows.div_ceil(BLOCK_ROWS).max(1)).max(1)
+}
 
-        let own = &mut self.half[base * stride..(base + width) * stride];
-        let mut own =
-            MatMut::from_column_major_slice_with_stride_mut(own, stride, width, stride).subrows_mut(from, rows);
-        solve_lower_triangular_in_place(top, own.rb_mut().transpose_mut(), Par::Seq);
-        if below.nrows() == 0 {
-            return;
-        }
-        let update = &mut self.update[..rows * below.nrows()];
-        matmul(
-            MatMut::from_column_major_slice_mut(&mut *update, rows, below.nrows()),
-            Accum::Replace,
-            own.rb(),
-            below.transpose(),
-            1.0,
-            Par::Seq,
-        );
-        for (&dof, update) in supernode.pattern().iter().zip(update.chunks_exact(rows)) {
-            let above = tree.owner(dof as usize);
-            let column = self.base[above] as usize + dof as usize - tree.columns(above).start;
-            let target = &mut self.half[column * stride + from..column * stride + to];
-            for (target, update) in target.iter_mut().zip(update) {
-                *target -= update;
-            }
+/// Solves the blocks, `size` sorted rows each, side by side.
+fn solve_blocks(factor: &Factor, rows: &NodalRows, sorted: &[u32], size: usize, blocks: &mut [HalfBlock]) {
+    match blocks {
+        [] => {}
+        [block] => block.solve(factor, rows, sorted),
+        _ => {
+            let half = blocks.len() / 2;
+            let (first, second) = blocks.split_at_mut(half);
+            let (sorted_first, sorted_second) = sorted.split_at(half * size);
+            join(
+                || solve_blocks(factor, rows, sorted_first, size, first),
+                || solve_blocks(factor, rows, sorted_second, size, second),
+            );
         }
     }
 }
 
 impl Factor {
-    /// Computes `Y = L⁻¹ P Hᵀ` for all rows into the workspace. Allocates nothing.
+    /// Computes `Y = L⁻¹ P Hᵀ` for all rows into the workspace. Allocates nothing. The bits do not depend on the threads.
     pub fn half_solve(&self, rows: &NodalRows, workspace: &mut ReachWorkspace) -> ReachReport {
         workspace.rows = 0;
         workspace.revision = 0;
         let status = self.try_half_solve(rows, workspace).err().unwrap_or(ReachStatus::Ok);
-        let ok = status == ReachStatus::Ok;
-        ReachReport {
-            status,
-            rows: rows.len(),
-            supernodes: if ok { workspace.reached.len() } else { 0 },
-            degrees_of_freedom: if ok { workspace.columns } else { 0 },
-        }
+        let (supernodes, degrees_of_freedom) =
+            if status == ReachStatus::Ok { workspace.reached(self.symbolic()) } else { (0, 0) };
+        ReachReport { status, rows: rows.len(), supernodes, degrees_of_freedom }
     }
 
     fn try_half_solve(&self, rows: &NodalRows, workspace: &mut ReachWorkspace) -> Result<(), ReachStatus> {
@@ -242,7 +169,8 @@ impl Factor {
             return Err(ReachStatus::InvalidFactor);
         }
         if workspace.permuted.len() != symbolic.degrees_of_freedom()
-            || workspace.active.len() != symbolic.supernode_count()
+            || workspace.below.len() != symbolic.rows_below()
+            || workspace.blocks.first().is_some_and(|block| block.active.len() != symbolic.supernode_count())
             || workspace.widest_pattern < symbolic.tree().widest_pattern()
         {
             return Err(ReachStatus::WrongSize);
@@ -250,11 +178,10 @@ impl Factor {
         if rows.len() > workspace.max_rows {
             return Err(ReachStatus::TooManyRows { capacity: workspace.max_rows as u32 });
         }
-        workspace.find_reach(symbolic, rows)?;
-        workspace.place_rows(symbolic, rows);
-        for k in 0..workspace.reached.len() {
-            workspace.eliminate(self, workspace.reached[k] as usize);
-        }
+        workspace.sort(symbolic, rows)?;
+        let size = rows_per_block(rows.len());
+        workspace.used = rows.len().div_ceil(size);
+        solve_blocks(self, rows, &workspace.sorted, size, &mut workspace.blocks[..workspace.used]);
         workspace.rows = rows.len();
         workspace.revision = self.revision();
         Ok(())
@@ -279,7 +206,6 @@ impl Factor {
     ///
     /// `lambda` has one entry per row, `x` length `3 n`. Allocates nothing.
     pub fn correct(&self, lambda: &[f64], x: &mut [f64], workspace: &mut ReachWorkspace) -> SolveStatus {
-        let tree = self.symbolic().tree();
         if !self.is_valid() {
             return SolveStatus::InvalidFactor;
         }
@@ -293,33 +219,13 @@ impl Factor {
             *sorted = lambda[r as usize];
         }
         workspace.permuted.fill(0.0);
-        for &s in &workspace.reached {
-            let s = s as usize;
-            let (from, to) = (workspace.active[s].0 as usize, workspace.active[s].1 as usize);
-            for (k, dof) in tree.columns(s).enumerate() {
-                let start = (workspace.base[s] as usize + k) * workspace.stride;
-                let half = &workspace.half[start + from..start + to];
-                workspace.permuted[dof] = half.iter().zip(&workspace.lambda[from..to]).map(|(y, l)| y * l).sum();
-            }
+        let size = rows_per_block(workspace.rows);
+        let (blocks, lambda) = (&workspace.blocks[..workspace.used], &workspace.lambda[..workspace.rows]);
+        for (block, lambda) in blocks.iter().zip(lambda.chunks(size)) {
+            block.add_combination(self.symbolic(), lambda, &mut workspace.permuted);
         }
-        let n = workspace.permuted.len();
-        self.llt().l_transpose_solve_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(&mut workspace.permuted, n, 1),
-            Par::Seq,
-            MemStack::new(&mut workspace.memory),
-        );
+        substitution::backward(self.symbolic(), self.values(), &mut workspace.permuted, &mut workspace.below);
         permute_back(&self.symbolic().ordering().old_of_new, &workspace.permuted, x);
         SolveStatus::Ok
     }
-}
-
-/// Extends a range of rows so that it holds another.
-pub(super) fn widen(range: &mut (u32, u32), other: (u32, u32)) {
-    *range = (range.0.min(other.0), range.1.max(other.1));
-}
-
-/// Rows rounded up so that columns start at multiples of a cache line.
-fn stride_for(rows: usize) -> usize {
-    rows.next_multiple_of(8)
 }

@@ -3,7 +3,9 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::{Conj, MatMut, Par};
 
+use super::column_kernels::Stored;
 use super::numeric::Factor;
+use super::substitution;
 use super::symbolic::SymbolicFactor;
 
 /// How a solve ended. On anything but `Ok` the vectors are left as they were.
@@ -30,6 +32,8 @@ impl SolveStatus {
 /// Scratch of full solves, for one thread.
 pub struct SolveWorkspace {
     permuted: Vec<f64>,
+    /// Rows below each front.
+    below: Vec<f64>,
     memory: MemBuffer,
     columns: usize,
     /// Rows below a supernode that `memory` suffices for.
@@ -47,6 +51,7 @@ impl SolveWorkspace {
         Self {
             permuted: vec![0.0; symbolic.degrees_of_freedom() * columns],
             memory: MemBuffer::new(symbolic.supernodes().solve_in_place_scratch::<f64>(columns, Par::Seq)),
+            below: vec![0.0; symbolic.rows_below()],
             columns,
             widest_pattern: symbolic.tree().widest_pattern(),
         }
@@ -54,12 +59,39 @@ impl SolveWorkspace {
 }
 
 impl Factor {
-    /// `x ← A⁻¹ x`, a vector of length `3 n` in the body's own order. Allocates nothing.
+    /// `x ← A⁻¹ x`, a vector of length `3 n` in the body's own order. Allocates nothing. On a worker of a pool, independent
+    /// subtrees are solved side by side; the bits do not depend on it.
     pub fn solve(&self, x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
-        if x.len() != self.symbolic().degrees_of_freedom() {
+        self.solve_with(self.values(), x, workspace)
+    }
+
+    /// As [`Self::solve`], by the copy of `L` in single precision where there is one: a relative error of about 1e-7 times
+    /// the condition of `A`, in half the time where `L` does not fit in the caches. For preconditioners.
+    ///
+    /// One such solve takes, on one core that shares its memory with a busy machine (medians of ten), 1.1 ms instead of
+    /// 3.2 ms on a cube of 2,940 nodes, and 8.4 ms instead of 10.4 ms on one of 8,000; the iterations are the same.
+    pub fn precondition(&self, x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
+        match self.single() {
+            Some(single) => self.solve_with(single, x, workspace),
+            None => self.solve_with(self.values(), x, workspace),
+        }
+    }
+
+    fn solve_with<T: Stored>(&self, values: &[T], x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
+        let symbolic = self.symbolic();
+        let n = symbolic.degrees_of_freedom();
+        if x.len() != n || workspace.permuted.len() < n || workspace.below.len() != symbolic.rows_below() {
             return SolveStatus::WrongSize;
         }
-        self.solve_columns(x, workspace)
+        if !self.is_valid() {
+            return SolveStatus::InvalidFactor;
+        }
+        let permuted = &mut workspace.permuted[..n];
+        permute(&symbolic.ordering().old_of_new, x, permuted);
+        substitution::forward(symbolic, values, permuted, &mut workspace.below);
+        substitution::backward(symbolic, values, permuted, &mut workspace.below);
+        permute_back(&symbolic.ordering().old_of_new, permuted, x);
+        SolveStatus::Ok
     }
 
     /// `X ← A⁻¹ X` for the columns of a dense matrix, one after another in `x`, each of length `3 n`.

@@ -3,12 +3,13 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::linalg::SymbolicSupernodalParams;
 use faer::sparse::linalg::cholesky::{simplicial, supernodal};
-use faer::sparse::{SymbolicSparseColMat, SymbolicSparseColMatRef};
 use nalgebra::Vector3;
 
+use super::arena::Arena;
+use super::numeric::FactorStatus;
 use super::permuted_blocks::{PermutedBlocks, Triangle};
 use super::supernodal_tree::SupernodeTree;
-use crate::ordering::{NodeOrdering, nested_dissection};
+use crate::ordering::{NodeOrdering, nested_dissection, postordered};
 use crate::sparse::{BlockPattern, SystemMatrix};
 
 /// Why a pattern cannot be analysed.
@@ -53,14 +54,16 @@ pub enum FactorError {
 #[derive(Debug)]
 pub struct SymbolicFactor {
     ordering: NodeOrdering,
-    /// Pattern of the lower triangle of `P A Pᵀ` over degrees of freedom.
-    lower: SymbolicSparseColMat<u32>,
-    /// For each node column of the lower triangle, where its blocks lie in `source`; the diagonal block comes first.
+    /// For each node column of the lower triangle of `P A Pᵀ`, where its blocks lie in `source` and `place`; the diagonal
+    /// block comes first.
     column_start: Vec<usize>,
     /// Position in [`SystemMatrix::blocks`] of each lower block, column by column.
     source: Vec<u32>,
+    /// Its first row in the front of its column's supernode.
+    place: Vec<u32>,
     supernodes: supernodal::SymbolicSupernodalCholesky<u32>,
     tree: SupernodeTree,
+    arena: Arena,
     blocks: usize,
     nonzeros: usize,
     flops: f64,
@@ -75,8 +78,8 @@ impl SymbolicFactor {
         Self::with_ordering(pattern, nested_dissection(pattern, positions))
     }
 
-    /// Analyses under a given ordering. It should be a postorder of its own elimination tree (those of
-    /// [`crate::ordering`] are): otherwise supernodes fall apart and everything is slow, though still right.
+    /// Analyses under a given ordering, or the postorder of its elimination tree if it is not one already (those of
+    /// [`crate::ordering`] are): the fill is the same, and subtrees lie in one piece.
     pub fn with_ordering(pattern: &BlockPattern, ordering: NodeOrdering) -> Result<Self, FactorError> {
         let nodes = pattern.rows();
         if nodes == 0 {
@@ -88,6 +91,7 @@ impl SymbolicFactor {
         if let Some(node) = (0..nodes).find(|&i| pattern.find(i as u32, i as u32).is_none()) {
             return Err(FactorError::MissingDiagonal { node });
         }
+        let ordering = postordered(pattern, ordering);
         let too_large = |reason: &dyn std::fmt::Debug| FactorError::TooLarge { nodes, reason: format!("{reason:?}") };
         if 9 * pattern.blocks() > u32::MAX as usize {
             return Err(too_large(&"more matrix entries than 32-bit indices can number"));
@@ -95,7 +99,6 @@ impl SymbolicFactor {
 
         let permuted = PermutedBlocks::new(pattern, &ordering);
         let upper = permuted.degree_of_freedom_pattern(Triangle::Upper);
-        let lower = permuted.degree_of_freedom_pattern(Triangle::Lower);
 
         let n = 3 * nodes;
         let mut memory = MemBuffer::new(
@@ -118,10 +121,12 @@ impl SymbolicFactor {
         .map_err(|error| too_large(&error))?;
 
         let counts = || column_counts.iter().map(|&c| c as usize);
+        let tree = SupernodeTree::new(&supernodes);
         Ok(Self {
-            tree: SupernodeTree::new(&supernodes),
+            place: places(&permuted, &tree, &supernodes),
+            arena: Arena::new(&tree),
+            tree,
             supernodes,
-            lower,
             column_start: permuted.column_start,
             source: permuted.source,
             ordering,
@@ -174,8 +179,13 @@ impl SymbolicFactor {
         &self.supernodes
     }
 
-    pub(super) fn lower(&self) -> SymbolicSparseColMatRef<'_, u32> {
-        self.lower.as_ref()
+    /// Rows below the own block of every supernode, all together.
+    pub(super) fn rows_below(&self) -> usize {
+        self.tree.pattern_start(self.tree.len())
+    }
+
+    pub(super) fn arena(&self) -> &Arena {
+        &self.arena
     }
 
     /// True if `a` has the size that was analysed.
@@ -183,23 +193,32 @@ impl SymbolicFactor {
         a.pattern.rows() == self.nodes() && a.pattern.blocks() == self.blocks && a.blocks.len() == self.blocks
     }
 
-    /// Copies the lower triangle of `P A Pᵀ` into `values`, in the order of [`Self::lower`]. Only one of the blocks
-    /// `(i, j)` and `(j, i)` is read. Returns false if a value is not finite.
-    pub(super) fn gather_lower(&self, a: &SystemMatrix, values: &mut [f64]) -> bool {
-        let mut values = values.iter_mut();
+    /// The status of a factorisation whose pivot in this row of `P A Pᵀ` is not positive.
+    pub(super) fn not_positive_at(&self, row: usize) -> FactorStatus {
+        let node = self.ordering.old_of_new.get(row / 3).copied().unwrap_or(0);
+        FactorStatus::NotPositiveDefinite { node, component: (row % 3) as u8 }
+    }
+
+    /// Puts the columns of supernode `s` of `P A Pᵀ` into the columns of its front, zeros elsewhere. Only one of the
+    /// blocks `(i, j)` and `(j, i)` is read. False if a value is not finite.
+    pub(super) fn assemble(&self, s: usize, a: &SystemMatrix, own: &mut [f64]) -> bool {
+        let columns = self.tree.columns(s);
+        let rows = columns.len() + self.tree.below(s);
+        own.fill(0.0);
         // 0 x finite = 0, 0 x (infinity or NaN) = NaN: one test at the end instead of one per value
         let mut poison = 0.0;
-        for range in self.column_start.windows(2) {
-            let sources = &self.source[range[0]..range[1]];
-            for c in 0..3 {
-                let mut first_row = c;
-                for &block in sources {
-                    let column = &a.blocks[block as usize].data.0[c];
-                    for (&value, slot) in column[first_row..].iter().zip(&mut values) {
-                        *slot = value;
-                        poison += 0.0 * value;
+        let nodes = columns.start / 3..columns.end / 3;
+        for (node, own) in nodes.zip(own.chunks_exact_mut(3 * rows)) {
+            let blocks = self.column_start[node]..self.column_start[node + 1];
+            for (k, (&source, &place)) in self.source[blocks.clone()].iter().zip(&self.place[blocks]).enumerate() {
+                let place = place as usize;
+                for (c, column) in a.blocks[source as usize].data.0.iter().enumerate() {
+                    // of the diagonal block, the lower triangle
+                    let first = if k == 0 { c } else { 0 };
+                    for r in first..3 {
+                        own[c * rows + place + r] = column[r];
+                        poison += 0.0 * column[r];
                     }
-                    first_row = 0;
                 }
             }
         }
@@ -214,4 +233,26 @@ impl SymbolicFactor {
             bad.then(|| self.ordering.old_of_new[column])
         })
     }
+}
+
+/// First row of each lower block in the front of its column's supernode.
+fn places(
+    permuted: &PermutedBlocks,
+    tree: &SupernodeTree,
+    supernodes: &supernodal::SymbolicSupernodalCholesky<u32>,
+) -> Vec<u32> {
+    let mut places = Vec::with_capacity(permuted.row.len());
+    for (node, range) in permuted.column_start.windows(2).enumerate() {
+        let s = tree.owner(3 * node);
+        let (columns, pattern) = (tree.columns(s), supernodes.supernode(s).pattern());
+        places.extend(permuted.row[range[0]..range[1]].iter().map(|&i| {
+            let row = 3 * i;
+            if (row as usize) < columns.end {
+                row - columns.start as u32
+            } else {
+                (columns.len() + pattern.partition_point(|&r| r < row)) as u32
+            }
+        }));
+    }
+    places
 }

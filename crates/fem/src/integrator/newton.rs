@@ -130,6 +130,10 @@ pub struct ImplicitWorkspace {
     pub(super) direction: Vec<f64>,
     pub(super) moved: Vec<f64>,
     pub(super) product: Vec<f64>,
+    /// Farthest that an iteration may move a node (m).
+    reach: f64,
+    /// Whether every iteration takes the filtered tangent.
+    filtered: bool,
     /// Places of the diagonal blocks.
     diagonal: Vec<u32>,
 }
@@ -152,8 +156,17 @@ impl ImplicitWorkspace {
             direction: zeros.clone(),
             moved: zeros.clone(),
             product: zeros,
+            reach: f64::INFINITY,
+            filtered: false,
             diagonal: (0..model.free_nodes() as u32).map(place).collect(),
         }
+    }
+
+    /// Memory for steps of tissue in trouble, begun crushed or inside out: filtered tangents throughout, no iteration moves
+    /// a node by more than `reach` (m), and stiffness damping is left out. That of crushed tissue is as large as its
+    /// tangent, and since fixed nodes count as resting it would hold tissue shut between an end that moves and the rest.
+    pub fn careful(model: &FemModel, symbolic: &Arc<SymbolicFactor>, reach: f64) -> Self {
+        Self { damping: None, reach, filtered: true, ..Self::new(model, symbolic) }
     }
 
     /// The diagonal blocks of the last matrix.
@@ -187,7 +200,7 @@ pub(super) fn minimise(
 ) -> NewtonReport {
     let mut report = NewtonReport::begin();
     loop {
-        report.assembly = potential.matrix(state, false, ws);
+        report.assembly = potential.matrix(state, ws.filtered, ws);
         let scale = potential.residual(state, ws);
         report.residual = norm(&ws.residual);
         report.relative_residual = if report.residual > 0.0 { report.residual / scale } else { 0.0 };
@@ -277,10 +290,11 @@ fn search(
     report: &mut NewtonReport,
 ) -> Option<NewtonStatus> {
     ws.base.copy_from_slice(&state.q);
-    let before = potential.elastic(state);
+    let before = potential.elastic(state, &ws.fem.folds);
     let line = potential.along(ws);
     let noise = 8.0 * f64::EPSILON * before.abs() + ws.energy_rounding(state, potential.scale());
-    let mut t = 1.0;
+    let farthest = ws.direction.chunks_exact(3).map(|d| Vector3::new(d[0], d[1], d[2]).norm()).fold(0.0, f64::max);
+    let mut t = if farthest > ws.reach { ws.reach / farthest } else { 1.0 };
     for cut in 0..=MOST_CUTS {
         step_to(potential.model, t, state, ws);
         if let Some(fall) = accept(potential, &line, [before, noise], t, state, ws) {
@@ -312,7 +326,7 @@ fn accept(
     state: &FemState,
     ws: &mut ImplicitWorkspace,
 ) -> Option<f64> {
-    let after = potential.elastic(state);
+    let after = potential.elastic(state, &ws.fem.folds);
     let change = after - before + t * (line.linear + 0.5 * t * line.quadratic);
     if change <= SUFFICIENT * t * line.slope {
         return Some(-change);

@@ -23,7 +23,7 @@ use nalgebra::Vector3;
 
 use super::{dot, newton::ImplicitWorkspace, nodal};
 use crate::{
-    assembly::{AssemblyReport, Coefficients, assemble_with, incremental_energy, internal_forces},
+    assembly::{AssemblyReport, Coefficients, Folds, assemble_with, incremental_energy, internal_forces},
     model::{FemModel, FemState},
 };
 
@@ -164,8 +164,8 @@ impl Potential<'_> {
         Line { linear: slope - elastic, quadratic, slope }
     }
 
-    /// `Ψ(q)` (J); of viscous tissue the energy that its step minimises.
-    pub(super) fn elastic(&self, state: &FemState) -> f64 {
-        incremental_energy(self.model, state, self.step())
+    /// `Ψ(q)` (J), with the barrier of `folds`; of viscous tissue the energy that its step minimises.
+    pub(super) fn elastic(&self, state: &FemState, folds: &Folds) -> f64 {
+        incremental_energy(self.model, state, self.step()) + folds.energy(self.model, &state.q)
     }
 }

@@ -17,20 +17,20 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BatchReport, Lame, Law,
-    kernel::{PrincipalLaw, principal::PrincipalResponse, principal_batch, principal_forces},
+    Lame, Law,
+    kernel::{PrincipalLaw, principal::PrincipalResponse, principal_forces, principal_pack},
     lame::{ElasticParameters, elastic_moduli, elastic_parameters},
     principal::PrincipalTangent,
 };
 use crate::{
     element::{ElementMatrices, Tetrahedron},
     lanes::{Real, Vec3},
-    pack::{Pack, PackMatrices},
+    pack::{DeformedPack, PackMatrices},
     rotation::{polar_rotation, signed_svd},
 };
 
@@ -104,11 +104,11 @@ impl Law for Corotational {
         acted
     }
 
-    fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
-        principal_batch(Arch::new(), self, packs, q, filter, out)
+    fn pack(&self, at: &DeformedPack<'_>, filter: bool, out: &mut PackMatrices) {
+        principal_pack(Arch::new(), self, at, filter, out);
     }
 
-    fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport {
-        principal_forces(Arch::new(), self, packs, q, out)
+    fn pack_forces(&self, at: &DeformedPack<'_>, out: &mut PackMatrices) {
+        principal_forces(Arch::new(), self, at, out);
     }
 }

@@ -10,18 +10,18 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BatchReport, Lame, Law,
-    kernel::{small_strain_batch, small_strain_forces},
+    Lame, Law,
+    kernel::{small_strain_forces, small_strain_pack},
     lame::{ElasticParameters, elastic_moduli, elastic_parameters},
 };
 use crate::{
     element::{ElementMatrices, Tetrahedron},
-    pack::{Pack, PackMatrices},
+    pack::{DeformedPack, PackMatrices},
 };
 
 /// Linear material. In files either `young` and `poisson`, or `mu` and `lambda`.
@@ -81,12 +81,12 @@ impl Law for Linear {
         false
     }
 
-    fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], _filter: bool, out: &mut [PackMatrices]) -> BatchReport {
-        small_strain_batch(Arch::new(), self.small_strain(), packs, q, out)
+    fn pack(&self, at: &DeformedPack<'_>, _filter: bool, out: &mut PackMatrices) {
+        small_strain_pack(Arch::new(), self.small_strain(), at, out);
     }
 
-    fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport {
-        small_strain_forces(Arch::new(), self.small_strain(), packs, q, out)
+    fn pack_forces(&self, at: &DeformedPack<'_>, out: &mut PackMatrices) {
+        small_strain_forces(Arch::new(), self.small_strain(), at, out);
     }
 }
 

@@ -19,6 +19,8 @@ pub mod mooney_rivlin;
 pub mod neo_hookean;
 pub mod ogden;
 pub mod principal;
+mod report;
+pub mod response;
 pub mod st_venant_kirchhoff;
 pub mod stable_neo_hookean;
 pub mod veronda_westmann;
@@ -37,6 +39,7 @@ pub use self::{
     mooney_rivlin::MooneyRivlin,
     neo_hookean::NeoHookean,
     ogden::Ogden,
+    report::BatchReport,
     st_venant_kirchhoff::StVenantKirchhoff,
     stable_neo_hookean::StableNeoHookean,
     veronda_westmann::VerondaWestmann,
@@ -44,7 +47,7 @@ pub use self::{
 };
 use crate::{
     element::{ElementMatrices, Tetrahedron},
-    pack::{Pack, PackMatrices},
+    pack::{DeformedPack, PACK, Pack, PackMatrices, Row},
 };
 
 /// Elements of one law that are computed together; results of a batch stay in the first-level cache.
@@ -113,79 +116,38 @@ pub trait Law: Copy + Send + Sync {
         report
     }
 
-    /// [`Law::element`] for packs of elements, several at once. `out` is as long as `packs`; the report counts elements.
-    fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport;
+    /// [`Law::element`] for a pack of elements, several at once; under pressures as
+    /// [`Law::element_under_pressure`].
+    fn pack(&self, at: &DeformedPack<'_>, filter: bool, out: &mut PackMatrices);
 
-    /// The forces of [`Law::packed`] without tangents: `out` gets forces and volume ratios, its blocks mean nothing then.
-    fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport;
+    /// The forces of [`Law::pack`] without tangents: `out` gets forces and volume ratios, its blocks mean nothing then.
+    fn pack_forces(&self, at: &DeformedPack<'_>, out: &mut PackMatrices);
 
-    /// Energy of packs of elements (J), summed element by element.
-    fn packed_energy(&self, packs: &[Pack], q: &[Vector3<f64>]) -> f64 {
-        let elements = packs.iter().flat_map(|pack| (0..pack.len).map(|lane| pack.element(lane)));
-        elements.map(|element| element.volume * self.energy_density(&element.deformation_gradient(q))).sum()
-    }
-}
-
-/// What happened in a batch of elements, or in a whole body; elements are counted from the first of the batch or body.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BatchReport {
-    /// Elements whose tangent the filter changed.
-    pub filtered: u32,
-    /// Elements with `J <= 0`.
-    pub inverted: u32,
-    /// Smallest volume ratio `J`; infinity where there is no element.
-    pub min_jacobian: f64,
-    /// The element of the smallest `J` (the first, where several tie).
-    pub min_jacobian_element: u32,
-    /// First element whose force or stiffness is not finite.
-    pub non_finite: Option<u32>,
-}
-
-impl Default for BatchReport {
-    fn default() -> Self {
-        Self { filtered: 0, inverted: 0, min_jacobian: f64::INFINITY, min_jacobian_element: u32::MAX, non_finite: None }
-    }
-}
-
-impl BatchReport {
-    /// Adds one element.
-    #[inline]
-    pub fn note(&mut self, element: u32, J: f64, filtered: bool, finite: bool) {
-        self.filtered += u32::from(filtered);
-        self.inverted += u32::from(J <= 0.0);
-        if J < self.min_jacobian {
-            (self.min_jacobian, self.min_jacobian_element) = (J, element);
+    /// Energy of each element of a pack (J), under pressures as [`Law::pack`]; places without an element mean nothing.
+    fn pack_energies(&self, at: &DeformedPack<'_>) -> Row {
+        let mut energies = [0.0; PACK];
+        for (lane, energy) in energies.iter_mut().enumerate().take(at.rest.len) {
+            let rest = at.rest.element(lane);
+            let F = at.edges_of(lane) * rest.inverse_rest_edges;
+            let pressure = at.pressure.map_or(0.0, |p| p[lane] * F.determinant());
+            *energy = rest.volume * (self.energy_density(&F) + pressure);
         }
-        if !finite && self.non_finite.is_none() {
-            self.non_finite = Some(element);
-        }
+        energies
     }
 
-    /// The same report with elements counted from `first` elements earlier.
-    pub(crate) fn shifted(mut self, first: u32) -> Self {
-        self.min_jacobian_element = self.min_jacobian_element.saturating_add(first);
-        self.non_finite = self.non_finite.map(|e| e + first);
-        self
-    }
-
-    /// Both reports together; independent of the order of merging.
-    pub(crate) fn merged(self, other: Self) -> Self {
-        let (a, b) = ((self.min_jacobian, self.min_jacobian_element), (other.min_jacobian, other.min_jacobian_element));
-        let least = if b.0 < a.0 || (b.0 == a.0 && b.1 < a.1) { b } else { a };
-        Self {
-            filtered: self.filtered + other.filtered,
-            inverted: self.inverted + other.inverted,
-            min_jacobian: least.0,
-            min_jacobian_element: least.1,
-            non_finite: match (self.non_finite, other.non_finite) {
-                (Some(a), Some(b)) => Some(a.min(b)),
-                (a, b) => a.or(b),
-            },
+    /// [`Law::pack`] for packs at nodal positions `q` (m). `out` is as long as `packs`; the report counts elements.
+    fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
+        let (mut report, mut first) = (BatchReport::default(), 0);
+        for (pack, out) in packs.iter().zip(out) {
+            self.pack(&pack.at(q), filter, out);
+            out.note(first, pack.len, &mut report);
+            first += pack.len as u32;
         }
+        report
     }
 }
 
-/// Registers laws: the enum, its serde names, and one `match` per batch.
+/// Registers laws: the enum, its serde names, and one `match` per pack.
 macro_rules! materials {
     ($($variant:ident = $name:literal),+ $(,)?) => {
         /// A material: any registered law. In files: `{ law = "neo_hookean", young = 5e3, poisson = 0.45 }`.
@@ -279,22 +241,16 @@ macro_rules! materials {
                 match self { $(Self::$variant(law) => law.batch(elements, q, filter, out)),+ }
             }
 
-            fn packed(
-                &self,
-                packs: &[Pack],
-                q: &[Vector3<f64>],
-                filter: bool,
-                out: &mut [PackMatrices],
-            ) -> BatchReport {
-                match self { $(Self::$variant(law) => law.packed(packs, q, filter, out)),+ }
+            fn pack(&self, at: &DeformedPack<'_>, filter: bool, out: &mut PackMatrices) {
+                match self { $(Self::$variant(law) => law.pack(at, filter, out)),+ }
             }
 
-            fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport {
-                match self { $(Self::$variant(law) => law.packed_forces(packs, q, out)),+ }
+            fn pack_forces(&self, at: &DeformedPack<'_>, out: &mut PackMatrices) {
+                match self { $(Self::$variant(law) => law.pack_forces(at, out)),+ }
             }
 
-            fn packed_energy(&self, packs: &[Pack], q: &[Vector3<f64>]) -> f64 {
-                match self { $(Self::$variant(law) => law.packed_energy(packs, q)),+ }
+            fn pack_energies(&self, at: &DeformedPack<'_>) -> Row {
+                match self { $(Self::$variant(law) => law.pack_energies(at)),+ }
             }
         }
 

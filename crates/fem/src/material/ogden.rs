@@ -24,9 +24,9 @@ use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BatchReport, Bulk, Lame, Law, MaterialError,
+    Bulk, Lame, Law, MaterialError,
     hyperelastic::VolumeFactor,
-    kernel::{PrincipalLaw, principal::PrincipalResponse, principal_batch, principal_forces},
+    kernel::{PrincipalLaw, principal::PrincipalResponse, principal_forces, principal_pack},
     lame::{validate_positive, validate_young_poisson},
     principal::PrincipalTangent,
     volume::{guarded, logarithmic, power_of},
@@ -34,7 +34,7 @@ use super::{
 use crate::{
     element::{ElementMatrices, Tetrahedron},
     lanes::{Real, Vec3},
-    pack::{Pack, PackMatrices},
+    pack::{DeformedPack, PackMatrices},
     rotation::{SignedSvd, signed_svd},
 };
 
@@ -276,11 +276,11 @@ impl Law for Ogden {
         self.element_at(element, svd, &self.state(svd.sigma.as_ref()), filter, out)
     }
 
-    fn packed(&self, packs: &[Pack], q: &[Vector3<f64>], filter: bool, out: &mut [PackMatrices]) -> BatchReport {
-        principal_batch(Arch::new(), self, packs, q, filter, out)
+    fn pack(&self, at: &DeformedPack<'_>, filter: bool, out: &mut PackMatrices) {
+        principal_pack(Arch::new(), self, at, filter, out);
     }
 
-    fn packed_forces(&self, packs: &[Pack], q: &[Vector3<f64>], out: &mut [PackMatrices]) -> BatchReport {
-        principal_forces(Arch::new(), self, packs, q, out)
+    fn pack_forces(&self, at: &DeformedPack<'_>, out: &mut PackMatrices) {
+        principal_forces(Arch::new(), self, at, out);
     }
 }

@@ -7,6 +7,10 @@
 //! A polynomial in `C`, so it exists for every `F`. It does not see the sign of `J`: an inverted element counts as its
 //! mirror image and is not driven back, and the stress of a bar falls again below a stretch of `1/√3 = 0.58`. For moderate
 //! strain under tension and for comparison with other codes; tissue that is pressed hard collapses.
+//!
+//! Its energy is so far from convex that a step may gain from it: tissue that gives way while it is squeezed speeds up by
+//! more than backward Euler damps. The incremental potential of Newton's method falls nevertheless
+//! ([`NewtonReport::decrease`](crate::integrator::newton::NewtonReport::decrease)).
 
 #![allow(non_snake_case)]
 

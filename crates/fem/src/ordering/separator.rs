@@ -8,7 +8,10 @@ use crate::sparse::BlockPattern;
 /// Bands of nodes, as shares of the nodes sorted along a direction, in which a separator is looked for. On an
 /// irregular mesh of a human liver (5,600 nodes) factors cost 1.25 Gflop if the separators keep to planes, 0.81 with
 /// bands of about half these widths, 0.66 with these; approximate minimum degree has 0.84.
-const BANDS: [(f64, f64); 3] = [(0.4, 0.6), (0.3, 0.7), (0.2, 0.8)];
+pub(super) const BANDS: &[(f64, f64)] = &[(0.4, 0.6), (0.3, 0.7), (0.2, 0.8)];
+
+/// Bands without width: the separator is the layer of nodes along a plane.
+pub(super) const PLANES: &[(f64, f64)] = &[(0.5, 0.5), (0.4, 0.4), (0.6, 0.6)];
 
 /// A split is useful if each part keeps at least this share of the nodes.
 const SMALLEST_PART: f64 = 0.15;
@@ -30,14 +33,15 @@ const BAND: u8 = 3;
 pub(super) struct Splitter<'a> {
     pattern: &'a BlockPattern,
     positions: &'a [Vector3<f64>],
+    bands: &'static [(f64, f64)],
     side: Vec<u8>,
     local: Vec<u32>,
 }
 
 impl<'a> Splitter<'a> {
-    pub(super) fn new(pattern: &'a BlockPattern, positions: &'a [Vector3<f64>]) -> Self {
+    pub(super) fn new(pattern: &'a BlockPattern, positions: &'a [Vector3<f64>], bands: &'static [(f64, f64)]) -> Self {
         let n = pattern.rows();
-        Self { pattern, positions, side: vec![OUTSIDE; n], local: vec![0; n] }
+        Self { pattern, positions, bands, side: vec![OUTSIDE; n], local: vec![0; n] }
     }
 
     pub(super) fn pattern(&self) -> &'a BlockPattern {
@@ -96,7 +100,7 @@ impl<'a> Splitter<'a> {
 
     /// Looks for a separator in each band of the sorted nodes and keeps the best split so far.
     fn try_bands(&mut self, sorted: &[u32], best: &mut Option<(f64, Split)>) {
-        for (from, to) in BANDS {
+        for &(from, to) in self.bands {
             let place = |share: f64| (share * sorted.len() as f64).round() as usize;
             let split = self.separate(sorted, place(from), place(to));
             let smaller = split.first.len().min(split.second.len());

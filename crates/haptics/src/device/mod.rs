@@ -68,6 +68,9 @@ pub enum DeviceError {
     /// No answer in time.
     #[error("the device did not answer in time")]
     Timeout,
+    /// An answer that cannot be understood.
+    #[error("the device's answer cannot be understood")]
+    Malformed,
     /// The device is closed.
     #[error("the device is closed")]
     Closed,

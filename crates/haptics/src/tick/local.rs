@@ -1,8 +1,9 @@
 //! The local problem of a tick: the snapshot's, with the coupling's compliance, at the newest pose.
 
 use nalgebra::{Isometry3, Vector3};
+use palpate_constraints::law::Signorini;
 use palpate_solver::gauss_seidel::{self, GaussSeidelConfig, GaussSeidelWorkspace};
-use palpate_solver::problem::ProblemView;
+use palpate_solver::problem::{Block, ProblemView};
 
 use super::patch::{PatchTickConfig, PatchWorkspace};
 use super::warm_start::WarmStart;
@@ -20,6 +21,8 @@ pub struct TickWorkspace {
     /// Whether all of `w` is.
     finite: bool,
     delta: Vec<f64>,
+    /// The snapshot's, each with the law that belongs to its gap.
+    blocks: Vec<Block>,
     pub(super) solver: GaussSeidelWorkspace,
     /// For snapshots with a patch.
     pub(super) patch: Option<PatchWorkspace>,
@@ -31,7 +34,9 @@ impl TickWorkspace {
     pub fn new(max_contacts: usize) -> Self {
         let rows = ROWS_PER_CONTACT * max_contacts;
         let solver = GaussSeidelWorkspace::with_capacity(rows);
-        Self { step: None, w: vec![0.0; rows * rows], finite: true, delta: vec![0.0; rows], solver, patch: None }
+        let blocks = vec![Block { start: 0, law: Signorini.into() }; max_contacts];
+        let (w, delta) = (vec![0.0; rows * rows], vec![0.0; rows]);
+        Self { step: None, w, finite: true, delta, blocks, solver, patch: None }
     }
 
     /// The same, for snapshots that carry a patch too.
@@ -107,7 +112,11 @@ impl Problem<'_> {
         move_tool(snapshot, tool_rows, predicted, &mut ws.delta);
 
         let lambda = warm_start.lambda_mut(rows);
-        let blocks = &snapshot.blocks()[..contacts];
+        for (own, block) in ws.blocks.iter_mut().zip(snapshot.blocks()) {
+            let gap = ws.delta.get(block.start).copied().unwrap_or(0.0);
+            *own = Block { law: block.law.at_free_gap(gap), ..*block };
+        }
+        let blocks = &ws.blocks[..contacts];
         let (compliance, delta_free) = (&ws.w[..rows * rows], &ws.delta[..rows]);
         let problem = ProblemView { compliance, stride: rows, delta_free, blocks };
         let report = gauss_seidel::solve(&problem, lambda, self.solver, &mut ws.solver);

@@ -4,6 +4,7 @@
 use nalgebra::{Isometry3, Vector3};
 use palpate_collision::shape::ToolShape;
 use palpate_collision::{ContactKind, DetectionConfig, PatchConfig, PatchGathering, SurfaceGeometry};
+use palpate_constraints::law::{Coulomb, Signorini};
 use palpate_haptics::device::{DeviceSample, DeviceSpec, TickTime};
 use palpate_haptics::record::TickRecord;
 use palpate_haptics::snapshot::HapticSnapshot;
@@ -78,7 +79,9 @@ impl Sheet {
                 (0..3).for_each(|k| c[(3 * b + k) * n + 3 * a + k] = self.compliance * share);
             }
         }
-        (patch.friction, patch.valid, patch.left_out) = (self.friction, true, report.left_out as u32);
+        let friction = self.friction;
+        patch.law = if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() };
+        (patch.valid, patch.left_out) = (true, report.left_out as u32);
         (snapshot.step, snapshot.dt, snapshot.valid, snapshot.tool_pose) = (step, 1.0 / 30.0, true, *pose);
     }
 

@@ -15,6 +15,7 @@ use crate::engine::workers;
 use crate::record::{END, LOCKSTEP, SCENE, TICKS};
 use crate::run::{Length, Observer, RunError, RunOptions, run};
 use crate::scene::{Scene, SceneError};
+use crate::step::{StepReport, digest};
 use crate::tick::TickReport;
 
 /// What a comparison found.
@@ -28,12 +29,14 @@ pub struct ReplayReport {
     pub first_difference: Option<u64>,
     /// Largest difference of a force (N).
     pub largest_difference: f64,
+    /// The first step after which a rigid body was elsewhere, by any bit.
+    pub first_body_difference: Option<u64>,
 }
 
 impl ReplayReport {
     /// True where every tick has the same bits.
     pub fn is_identical(&self) -> bool {
-        self.unmatched == 0 && self.first_difference.is_none()
+        self.unmatched == 0 && self.first_difference.is_none() && self.first_body_difference.is_none()
     }
 }
 
@@ -81,7 +84,7 @@ pub fn replay(path: &Path) -> Result<ReplayReport, ReplayError> {
     };
     let scene = Scene::from_trace(text, entry("embedded") == "true", Path::new(entry("folder")))?;
     let world = scene.build()?;
-    let mut comparison = Comparison { recorded: &trace.ticks, next: 0, extra: 0, first: None, largest: 0.0 };
+    let mut comparison = Comparison::new(&trace);
     if entry("mode") != LOCKSTEP {
         let complete = workers(None)?.install(|| recorded::again(&world, &trace, &mut comparison))?;
         return if complete { Ok(comparison.report()) } else { Err(ReplayError::RealTime { path: path.into() }) };
@@ -100,20 +103,40 @@ struct Comparison<'a> {
     extra: usize,
     first: Option<u64>,
     largest: f64,
+    rigid: &'a [palpate_trace::RigidRecord],
+    first_body: Option<u64>,
 }
 
-impl Comparison<'_> {
+impl<'a> Comparison<'a> {
+    fn new(trace: &'a Trace) -> Self {
+        let (recorded, rigid) = (&trace.ticks, &trace.rigid);
+        Self { recorded, next: 0, extra: 0, first: None, largest: 0.0, rigid, first_body: None }
+    }
+
     fn report(&self) -> ReplayReport {
         ReplayReport {
             ticks: self.recorded.len(),
             unmatched: self.extra + (self.recorded.len() - self.next),
             first_difference: self.first,
             largest_difference: self.largest,
+            first_body_difference: self.first_body,
         }
     }
 }
 
 impl Observer for Comparison<'_> {
+    fn step(&mut self, report: &StepReport) {
+        // By steps in the file, so what is left always begins with the next.
+        let of_step = self.rigid.iter().take_while(|r| r.step <= report.step).count();
+        let (records, later) = self.rigid.split_at(of_step);
+        self.rigid = later;
+        let placed = records.iter().filter(|r| r.step == report.step);
+        let recorded = digest(placed.map(|r| (r.position, r.orientation, r.velocity, r.angular_velocity)));
+        if !records.is_empty() && recorded != report.bodies.digest {
+            self.first_body.get_or_insert(report.step);
+        }
+    }
+
     fn tick(&mut self, report: &TickReport) {
         let Some(recorded) = self.recorded.get(self.next) else {
             self.extra += 1;

@@ -13,11 +13,11 @@ use palpate_trace::{FactorStatus, TickFlags, TickRecord, Trace};
 
 use super::Comparison;
 use crate::pace::seconds;
-use crate::record::TickLine;
+use crate::record::{DEVICE_RECORD, TickLine};
 use crate::refresh::FactorSample;
 use crate::run::{Observer, RunError};
 use crate::settle::settle;
-use crate::step::{StepInput, StepState, StepStatus, StepWorkspace, step};
+use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, step};
 use crate::tick::{TickReport, Ticker};
 use crate::world::World;
 
@@ -25,12 +25,14 @@ use crate::world::World;
 pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_>) -> Result<bool, RunError> {
     let (snapshot_writer, snapshots) = latest(&world.empty_snapshot());
     let (poses, _) = latest(&world.first_pose());
-    let device = RecordedDevice { spec: DeviceSpec::virtual_device(0.0), ticks: trace.ticks.clone() };
+    let stated = trace.metadata.get("engine").and_then(|engine| engine.get(DEVICE_RECORD));
+    let spec = stated.and_then(|text| toml::from_str(text).ok()).unwrap_or_else(|| DeviceSpec::virtual_device(0.0));
+    let device = RecordedDevice { spec, ticks: trace.ticks.clone() };
     let mut ticker = Ticker::new(world, Box::new(device), snapshots, poses, TickLine::none())?;
     let mut steps = Steps::new(world, trace, snapshot_writer)?;
     let mut before = None;
     for (index, record) in trace.ticks.iter().enumerate() {
-        let complete = record.tick == index as u64 && steps.up_to(record.snapshot_step);
+        let complete = record.tick == index as u64 && steps.up_to(record.snapshot_step, comparison);
         if !complete {
             return Ok(false);
         }
@@ -62,17 +64,16 @@ impl<'a> Steps<'a> {
     }
 
     /// Goes on until `count` steps are done and the snapshot of the last is published; false where a record is missing.
-    fn up_to(&mut self, count: u64) -> bool {
+    fn up_to(&mut self, count: u64, comparison: &mut Comparison<'_>) -> bool {
         while self.state.step < count {
-            if self.advance().is_none() {
-                return false;
-            }
+            let Some(report) = self.advance() else { return false };
+            comparison.step(&report);
         }
         true
     }
 
     /// The next step.
-    fn advance(&mut self) -> Option<()> {
+    fn advance(&mut self) -> Option<StepReport> {
         let number = self.state.step;
         let record = self.trace.steps.get(usize::try_from(number).ok()?).filter(|record| record.step == number)?;
         let in_use = self.factors.iter().position(|factor| factor.epoch == record.factor_epoch)?;
@@ -90,7 +91,7 @@ impl<'a> Steps<'a> {
             let sample = FactorSample::new(self.world.symbolic(), factor.epoch, number, time, q, system);
             self.factors.push(sample.ok()?);
         }
-        Some(())
+        Some(report)
     }
 }
 

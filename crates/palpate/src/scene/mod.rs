@@ -11,9 +11,10 @@ use std::path::{Path, PathBuf};
 pub use bundled::{BUNDLED_SCENES, BundledScene};
 pub(crate) use check::MOST_SUBSTEPS;
 pub use description::{
-    Axis, BodyDescription, ContactDescription, ContactMethod, DeviceDescription, ExplicitDescription, HandDescription,
-    IntegratorKind, NewtonDescription, NodeSelection, Plane, RatesDescription, Refactor, SceneDescription,
-    SolverDescription, TickDescription, TickMethod, TissueDescription, ToolDescription,
+    Axis, BlockDescription, BodyDescription, ContactDescription, ContactLawKind, ContactMethod, DeviceDescription,
+    ExplicitDescription, FixedBodyDescription, HandDescription, IntegratorKind, NewtonDescription, NodeSelection,
+    Plane, RatesDescription, Refactor, RigidBodyDescription, SceneDescription, SolidShape, SolverDescription,
+    TickDescription, TickMethod, TissueDescription, ToolDescription,
 };
 pub use error::{InvalidScene, SceneError};
 
@@ -52,6 +53,10 @@ impl Scene {
         let path = Path::new(name);
         if path.is_file() || path.extension().is_some() {
             return Self::load(path);
+        }
+        if path.is_dir() {
+            let remedy = format!("{name} is a folder: name a scene file in it");
+            return Err(SceneError::Unknown { name: name.into(), remedy });
         }
         Self::bundled(name)
     }

@@ -17,6 +17,10 @@ pub(super) struct Source<'a> {
 impl Source<'_> {
     /// Parses the text into a description.
     pub(super) fn parse(&self) -> Result<SceneDescription, SceneError> {
+        if self.text.trim().is_empty() {
+            let remedy = "copy a scene and change it; `palpate scenes` lists what it may name";
+            return Err(SceneError::invalid(self.origin, self.text, 0..0, "the scene is empty", Some(remedy.into())));
+        }
         let deserializer = toml::Deserializer::parse(self.text).map_err(|e| self.syntax(&e))?;
         SceneDescription::deserialize(deserializer).map_err(|e| self.syntax(&e))
     }

@@ -1,11 +1,13 @@
 //! The end of the step: the motion under the contact forces, and back to the state before where the body failed.
 
 use nalgebra::Vector3;
-use palpate_constraints::compliance::{self, WarpedInverse};
+use palpate_constraints::body::{Body, SoftBody};
+use palpate_constraints::compliance::WarpedInverse;
 use palpate_fem::assembly::advance_memory;
 use palpate_fem::pcg::PcgStatus;
 
 use super::accuracy;
+use super::bodies;
 use super::stages::inverse;
 use super::{FailedElement, StepReport, StepState, StepStatus, StepWorkspace};
 use crate::refresh::FactorSample;
@@ -23,17 +25,20 @@ fn correction(world: &World, factor: &FactorSample, ws: &mut StepWorkspace) -> b
     }
     let lambda = ws.newton.as_ref().map_or(&ws.lambda, |newton| &newton.carried);
     let lambda = &lambda[..ws.rows.len()];
-    match &mut ws.explicit {
-        Some(explicit) => {
-            let inverse = WarpedInverse { inverse: &explicit.inverse, rotations: None };
-            compliance::correct(inverse, lambda, ws.dt, &mut ws.correction, &mut explicit.compliance)
+    let (dt, correction) = (ws.dt, &mut ws.correction);
+    let moved = ws.rigid.correct(&ws.rows, lambda, dt);
+    moved
+        && match &mut ws.explicit {
+            Some(explicit) => {
+                let inverse = WarpedInverse { inverse: &explicit.inverse, rotations: None };
+                SoftBody { inverse, workspace: &mut explicit.compliance, correction }.correct(&ws.rows, lambda, dt)
+            }
+            None => {
+                let own = ws.own.as_ref().filter(|_| ws.own_is_current);
+                let (inverse, _) = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
+                SoftBody { inverse, workspace: &mut ws.compliance, correction }.correct(&ws.rows, lambda, dt)
+            }
         }
-        None => {
-            let own = ws.own.as_ref().filter(|_| ws.own_is_current);
-            let (inverse, _) = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
-            compliance::correct(inverse, lambda, ws.dt, &mut ws.correction, &mut ws.compliance)
-        }
-    }
 }
 
 /// Motion of a node in one step, relative to the body's mean motion and to its size, beyond which the body is no longer
@@ -69,7 +74,7 @@ fn failed_element(world: &World, state: &StepState, known: Option<u32>) -> Optio
 }
 
 /// `v+ = v_free + h A⁻¹ Hᵀ lambda`, `q+ = q + h v+`, with the inverse that gave `W`; back to the state before where a
-/// number is not finite or the body is torn apart.
+/// number is not finite or the body is torn apart. Rigid bodies move and go back with it.
 pub(super) fn correct(
     world: &World,
     factor: &FactorSample,
@@ -88,7 +93,7 @@ pub(super) fn correct(
         ws.correction.fill(f64::NAN);
     }
     if touched {
-        accuracy::correct_exactly(world, factor, ws, report);
+        accuracy::correct_exactly(world, factor, state, ws, report);
     }
     // Explicit forces are those of a step that ended where this one begins.
     let explicit = matches!(world.integration(), Integration::Explicit { .. });
@@ -104,8 +109,9 @@ pub(super) fn correct(
         state.fem.v[node] = v;
         state.fem.q[node] += h * v;
     }
+    let rigid_is_whole = bodies::advance_rigid(world, state, ws, touched);
     let overflow = report.assembly.non_finite.is_some() || report.free_motion.status == PcgStatus::NonFinite;
-    if overflow || !is_whole(state, world.model().node_of_free(), h, ws.size) {
+    if overflow || !rigid_is_whole || !is_whole(state, world.model().node_of_free(), h, ws.size) {
         report.failed = failed_element(world, state, report.assembly.non_finite);
         state.roll_back();
         report.status = StepStatus::RolledBack;

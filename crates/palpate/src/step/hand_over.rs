@@ -1,15 +1,16 @@
 //! What the step hands to the tick.
 
 use nalgebra::Isometry3;
-use palpate_constraints::rows::ContactRows;
+use palpate_constraints::law::Law;
+use palpate_constraints::rows::{ContactRows, RowBlock};
 use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
 
-use super::stages::contact_law;
+use super::bodies::tool_block;
 use super::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, patch};
 use crate::world::World;
 
-/// The local problem for the tick: rows, compliance and forces as they were solved, and the tissue around the tool.
-/// `before` is the tool's pose in the step before.
+/// The local problem for the tick: the tool's rows, compliance and forces as they were solved, and the tissue around the
+/// tool. `before` is the tool's pose in the step before.
 pub(super) fn hand_over(
     world: &World,
     input: &StepInput<'_>,
@@ -31,49 +32,65 @@ pub(super) fn hand_over(
     if !sound {
         return;
     }
-    let m = ws.rows.len();
-    let lambda = ws.lambda.get(..m).unwrap_or(&[]);
-    let of_tissue = push_rows(world, &ws.rows, lambda, state, snapshot);
-    // Fixed skin gives way to nothing: its rows and columns of W are zero, and the tick adds the compliance of the tool.
-    let all = of_tissue && push_rows(world, &ws.fixed_rows, &[], state, snapshot);
-    let view = ws.problem.view();
-    let n = snapshot.rows();
-    if all && n == m + ws.fixed_rows.len() {
-        for (j, column) in snapshot.compliance_mut().chunks_exact_mut(n.max(1)).enumerate() {
-            column.fill(0.0);
-            if j < m {
-                column[..m].copy_from_slice(view.column(j));
-            }
-        }
-        snapshot.valid = true;
-    }
+    snapshot.valid = push_rows(world, state, ws, snapshot);
     if snapshot.valid && snapshot.patch.max_nodes() > 0 {
         patch::fill(world, input, before, state, ws, report, &mut snapshot.patch);
     }
 }
 
-/// Pushes all contacts that have rows, with zero force where `lambda` has none; false where one found no room.
-fn push_rows(
-    world: &World,
+/// Pushes all contacts of the tool, with their compliance; false where one on the skin found no room.
+fn push_rows(world: &World, state: &StepState, ws: &StepWorkspace, snapshot: &mut HapticSnapshot) -> bool {
+    let law = world.description().contact.contact_law();
+    let contacts = &state.contacts.contacts;
+    let of_skin = |block: &RowBlock| Some((law, contacts.get(block.contact as usize)?.feature));
+    let (rigid, rows) = (&ws.rigid, &ws.rows);
+    let all = (0..rigid.skin_blocks).all(|k| push(rows, k, &rigid.tool_delta, &ws.lambda, of_skin, snapshot));
+    // A tick without room for rigid bodies goes on without them, and counts what it misses.
+    let on_rigid = |k: usize| move |_: &RowBlock| tool_block(world, state, ws, k);
+    let _ = (rigid.skin_blocks..rigid.tool_blocks)
+        .all(|k| push(rows, k, &rigid.tool_delta, &ws.lambda, on_rigid(k), snapshot));
+    let m = snapshot.rows();
+    // Fixed skin gives way to nothing: its rows and columns of W are zero, and the tick adds the compliance of the tool.
+    let fixed = &ws.fixed_rows;
+    let all = all && (0..fixed.blocks.len()).all(|k| push(fixed, k, &fixed.delta_free, &[], of_skin, snapshot));
+    if !all {
+        return false;
+    }
+    let (view, n) = (ws.problem.view(), snapshot.rows());
+    for (j, column) in snapshot.compliance_mut().chunks_exact_mut(n.max(1)).enumerate() {
+        column.fill(0.0);
+        if j < m {
+            column[..m].copy_from_slice(&view.column(j)[..m]);
+        }
+    }
+    true
+}
+
+/// Pushes the contact of block `k`, whose law and identity `identity` knows, with zero force where `lambda` has none; false
+/// where it found no room.
+fn push(
     rows: &ContactRows,
+    k: usize,
+    delta_free: &[f64],
     lambda: &[f64],
-    state: &StepState,
+    identity: impl Fn(&RowBlock) -> Option<(Law, u64)>,
     snapshot: &mut HapticSnapshot,
 ) -> bool {
-    rows.blocks.iter().all(|block| {
-        let range = block.range();
-        let mut tool_rows = [[0.0; 6]; 3];
-        let count = range.len().min(tool_rows.len());
-        for (to, from) in tool_rows.iter_mut().zip(&rows.tool[range.clone()]) {
-            *to = [from.force.x, from.force.y, from.force.z, from.torque.x, from.torque.y, from.torque.z];
-        }
-        let Some(contact) = state.contacts.contacts.get(block.contact as usize) else { return false };
-        snapshot.push(&SnapshotContact {
-            law: contact_law(world),
-            feature: contact.feature,
-            tool_rows: &tool_rows[..count],
-            delta_free: &rows.delta_free[range.clone()],
-            lambda: lambda.get(range).unwrap_or(&[0.0; 3][..count]),
-        })
+    let Some(block) = rows.blocks.get(k) else { return false };
+    let range = block.range();
+    let mut tool_rows = [[0.0; 6]; 3];
+    let count = range.len().min(tool_rows.len());
+    for (to, from) in tool_rows.iter_mut().zip(&rows.tool[range.clone()]) {
+        *to = [from.force.x, from.force.y, from.force.z, from.torque.x, from.torque.y, from.torque.z];
+    }
+    let (Some((law, feature)), Some(delta_free)) = (identity(block), delta_free.get(range.clone())) else {
+        return false;
+    };
+    snapshot.push(&SnapshotContact {
+        law,
+        feature,
+        tool_rows: &tool_rows[..count],
+        delta_free,
+        lambda: lambda.get(range).unwrap_or(&[0.0; 3][..count]),
     })
 }

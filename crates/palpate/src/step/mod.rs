@@ -5,7 +5,8 @@
 //!                                              preconditioned by the latest factor, warped by nodal rotations
 //! delta_free = delta(q) + H h (v + dv)         gap if nothing touched (m)
 //! W = h² H A⁻¹ Hᵀ                              compliance (m/N) by half solves of the latest (warped) or this step's factor
-//! delta = W lambda + delta_free, Coulomb       the scene's solver, warm-started by contact feature
+//!                                              plus h² H M⁻¹ Hᵀ of rigid bodies
+//! delta = W lambda + delta_free, law            the scene's solver, warm-started by contact feature
 //! v+ = v + dv + h A⁻¹ Hᵀ lambda, q+ = q + h v+
 //! ```
 //!
@@ -20,6 +21,7 @@
 //! tool; `q_free` would show the tool deep in tissue that has already sprung back.
 
 mod accuracy;
+mod bodies;
 mod correction;
 mod direct;
 mod guard;
@@ -29,6 +31,7 @@ mod newton;
 mod patch;
 mod penalty;
 mod preconditioner;
+mod refinement;
 mod report;
 mod stages;
 mod workspace;
@@ -39,11 +42,13 @@ use nalgebra::{Isometry3, Vector3};
 use palpate_fem::assembly::assemble;
 use palpate_haptics::snapshot::HapticSnapshot;
 
-use self::guard::guard;
+use self::guard::{guard, open_folds};
 use self::newton::newton_with_contact;
 use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
 
+pub use bodies::{BodiesReport, PairForce};
+pub(crate) use bodies::{digest, placements};
 pub use report::{ComplianceError, FailedElement, StepReport, StepStatus, StepTimes};
 pub use workspace::{StepState, StepWorkspace};
 
@@ -75,7 +80,9 @@ pub fn step(
     state.remember();
     match world.integration() {
         Integration::BackwardEuler => {
+            ws.fem.folds.clear();
             report.assembly = assemble(world.model(), &state.fem, world.dt(), &[], &mut ws.fem);
+            open_folds(world, state, ws, &mut report);
             report.times.assembly = clock.lap();
             stages::free_motion(world, input.factor, state, ws, &mut report);
             guard(world, state, ws, &mut report);
@@ -94,6 +101,7 @@ pub fn step(
             explicit(world, input, *substeps, state, ws, &mut report, &mut clock);
         }
     }
+    report.bodies.digest = digest(placements(world, &state.rigid));
     accuracy::sample_column(world, input.factor, ws, &mut report);
     report.times.sampling = clock.lap();
     accuracy::choose_next(world, state, &report);
@@ -115,6 +123,7 @@ fn contact(
     clock: &mut Clock,
 ) {
     stages::detection(world, &input.tool, state, ws, report);
+    bodies::rigid_motion(world, state, ws);
     report.times.detection += clock.lap();
     stages::rows(world, &input.tool, state, ws, report);
     stages::compliance(world, input.factor, state.exact_steps, ws, report);

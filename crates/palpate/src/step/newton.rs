@@ -11,12 +11,13 @@
 //! nonlinear balance `M (v⁺ - v)/h = f_int(q⁺) + f_ext + Hᵀ λ` to the tolerance. `H` is that of the begin of the step.
 
 use nalgebra::{Isometry3, Vector3};
+use palpate_constraints::rows::Twist;
 use palpate_fem::integrator::backward_euler::newton_step;
 use palpate_fem::integrator::newton::{NewtonConfig, NewtonStatus};
 use palpate_fem::pcg::{PcgReport, PcgStatus};
 
 use super::workspace::NewtonStage;
-use super::{Clock, StepInput, StepReport, StepState, StepWorkspace, correction, stages};
+use super::{Clock, StepInput, StepReport, StepState, StepWorkspace, bodies, correction, stages};
 use crate::world::World;
 
 /// Most motions under corrected forces in one step.
@@ -37,6 +38,7 @@ pub(super) fn newton_with_contact(
 ) {
     let tool: &Isometry3<f64> = &input.tool;
     stages::detection(world, tool, state, ws, report);
+    bodies::rigid_motion(world, state, ws);
     report.times.detection = clock.lap();
     put_down(ws);
     for pass in 0..MOST_PASSES {
@@ -45,6 +47,7 @@ pub(super) fn newton_with_contact(
         stages::rows(world, tool, state, ws, report);
         stages::compliance(world, input.factor, 0, ws, report);
         relieve(ws);
+        stages::choose_laws(world, ws);
         report.times.compliance += clock.lap();
         (report.active, report.indentation) = (0, 0.0);
         stages::solve(world, input, state, ws, report);
@@ -118,6 +121,7 @@ fn put_down(ws: &mut StepWorkspace) -> bool {
     let carries = stage.carried.iter().any(|&c| c != 0.0);
     stage.carried.fill(0.0);
     stage.load.fill(Vector3::zeros());
+    ws.rigid.carried.fill(Twist::default());
     carries
 }
 
@@ -131,6 +135,7 @@ fn carry(world: &World, ws: &mut StepWorkspace) {
     for (f, &node) in stage.free_load.chunks_exact(3).zip(world.model().node_of_free()) {
         stage.load[node as usize] = Vector3::new(f[0], f[1], f[2]);
     }
+    ws.rigid.carry(&ws.rows, lambda, ws.dt);
 }
 
 #[cfg(test)]

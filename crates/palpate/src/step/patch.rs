@@ -2,13 +2,15 @@
 //!
 //! A patch reaches as far as the tool may touch until two more steps have passed, at the speed that it has now, and from
 //! rest at [`START`]. Its compliance is that of the step's own inverse, in which rows that do not touch the tool and carry
-//! force are held ([`condense`]).
+//! force are held ([`condense`]): all of a contact that sticks, the normal of one that slides. Its free shape is the step's
+//! without the forces of the tool, and with those of the others.
+//!
+//! A patch has skin alone. While the tool is at a rigid body too, the tick has the step's rows, which know both.
 
 use nalgebra::{DMatrixViewMut, Isometry3, Vector3};
 use palpate_collision::{PatchConfig, PatchGathering};
 use palpate_constraints::condensed::condense;
-use palpate_constraints::rows::ToolRow;
-use palpate_fem::nodal_rows::NodalRows;
+use palpate_constraints::rows::{ContactRows, ToolRow};
 use palpate_fem::sparse::FIXED;
 use palpate_haptics::patch::HapticPatch;
 
@@ -26,7 +28,7 @@ const START: f64 = 4e-3;
 pub(super) struct PatchStage {
     gathering: PatchGathering,
     /// Three rows for each node that can move, then the rows that are held.
-    rows: NodalRows,
+    rows: ContactRows,
     /// Their compliance, where some are held.
     w: Vec<f64>,
     max_rows: usize,
@@ -37,14 +39,14 @@ impl PatchStage {
     pub(super) fn new(world: &World, nodes: usize, max_rows: usize) -> Self {
         Self {
             gathering: PatchGathering::new(world.geometry()),
-            rows: NodalRows::with_capacity(max_rows.max(3 * nodes), 3),
+            rows: ContactRows::with_capacity(max_rows.max(3 * nodes).div_ceil(3)),
             w: Vec::with_capacity(max_rows * max_rows),
             max_rows,
         }
     }
 }
 
-/// Fills the patch, or leaves it not valid: the tick then has the step's rows.
+/// Fills the patch, or leaves it not valid: the tick then has the step's rows, and the report says why.
 pub(super) fn fill(
     world: &World,
     input: &StepInput<'_>,
@@ -55,8 +57,12 @@ pub(super) fn fill(
     patch: &mut HapticPatch,
 ) {
     patch.clear();
+    report.frozen_at_rigid = ws.rigid.tool_blocks > ws.rigid.skin_blocks;
+    if report.frozen_at_rigid {
+        return;
+    }
     let Some(mut stage) = ws.patch.take() else { return };
-    patch.friction = world.description().contact.friction;
+    patch.law = world.description().contact.contact_law();
     report.patch = gather(world, input, before, state, ws, &mut stage, patch);
     patch.left_out = report.patch.left_out as u32;
     patch.valid = patch.skin().movable() == 0 || compliance(world, input, state, ws, &mut stage, report, patch);
@@ -103,16 +109,25 @@ fn compliance(
     let (rows, n) = (&mut stage.rows, patch.degrees_of_freedom());
     rows.clear();
     for &node in &patch.skin().nodes()[..patch.skin().movable()] {
-        (0..3).for_each(|k| rows.push_row([(free[node as usize], Vector3::ith(k, 1.0))]));
+        for k in 0..3 {
+            rows.tissue.push_row([(free[node as usize], Vector3::ith(k, 1.0))]);
+            rows.rigid.push_row([]);
+            push_nothing(rows);
+        }
     }
     // Rows that are closed and do not touch the tool.
-    let untouched = |row: &ToolRow| row.force == Vector3::zeros() && row.torque == Vector3::zeros();
-    for block in &ws.rows.blocks {
-        let range = block.range();
-        let closed = ws.lambda.get(range.start).is_some_and(|normal| *normal > 0.0);
-        let held = closed && ws.rows.tool.get(range.clone()).is_some_and(|tool| tool.iter().all(untouched));
-        if held && rows.len() + range.len() <= stage.max_rows {
-            range.for_each(|r| rows.push_row(ws.rows.tissue.row(r)));
+    let laws = ws.problem.view().blocks;
+    for (k, block) in ws.rows.blocks.iter().enumerate().skip(ws.rigid.tool_blocks) {
+        let Some(force) = ws.lambda.get(block.range()).filter(|force| force[0] > 0.0) else { continue };
+        let force = Vector3::from_fn(|i, _| force.get(i).copied().unwrap_or(0.0));
+        let sticks = laws.get(k).is_none_or(|block| block.law.sticks(&force));
+        let held = block.range().take(if sticks { block.range().len() } else { 1 });
+        if rows.len() + held.len() <= stage.max_rows {
+            for r in held {
+                rows.tissue.push_row(ws.rows.tissue.row(r));
+                rows.rigid.push_row(ws.rows.rigid.row(r).iter().copied());
+                push_nothing(rows);
+            }
         }
     }
     let all = rows.len();
@@ -129,11 +144,23 @@ fn compliance(
     held.is_some()
 }
 
-/// Forces of the step on the patch's nodes, and where the nodes are without them.
+/// The tool's part of a row that it does not touch, and a gap: compliance asks for neither.
+fn push_nothing(rows: &mut ContactRows) {
+    rows.tool.push(ToolRow { force: Vector3::zeros(), torque: Vector3::zeros() });
+    rows.delta_free.push(0.0);
+}
+
+/// Forces of the tool on the patch's nodes in the step, and where the nodes are without them.
 fn shape(world: &World, state: &StepState, ws: &mut StepWorkspace, patch: &mut HapticPatch) {
-    let lambda = ws.lambda.get(..ws.rows.len()).unwrap_or(&[]);
     ws.load.fill(0.0);
-    ws.rows.tissue.add_transposed(lambda, &mut ws.load);
+    for (r, lambda) in ws.lambda.iter().enumerate().take(ws.tool_rows()) {
+        for (node, direction) in ws.rows.tissue.row(r) {
+            let at = 3 * node as usize;
+            if let Some(load) = ws.load.get_mut(at..at + 3) {
+                load.iter_mut().zip(&direction).for_each(|(load, d)| *load += d * lambda);
+            }
+        }
+    }
     let (load, free) = (&ws.load, world.model().free_of_node());
     let movable = patch.skin().movable();
     for k in 0..patch.len() {
@@ -216,8 +243,8 @@ mod tests {
         let free_node = world.model().free_of_node()[held as usize];
         let first_row = ws.rows.len() as u32;
         ws.rows.tissue.push_row([(free_node, Vector3::x())]);
-        ws.rows.tool.push(ToolRow { force: Vector3::zeros(), torque: Vector3::zeros() });
-        ws.rows.delta_free.push(0.0);
+        ws.rows.rigid.push_row([]);
+        push_nothing(&mut ws.rows);
         ws.rows.blocks.push(RowBlock { contact: 0, first_row, rows: 1 });
         ws.rows.frames.push(ws.rows.frames[0]);
         ws.lambda[first_row as usize] = 1.0;

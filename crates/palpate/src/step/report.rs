@@ -5,11 +5,12 @@ use palpate_collision::PatchReport;
 use palpate_collision::detection::DetectionReport;
 use palpate_constraints::compliance::{ComplianceMethod, ComplianceReport};
 use palpate_constraints::rows::RowReport;
-use palpate_fem::assembly::AssemblyReport;
+use palpate_fem::assembly::{AssemblyReport, FoldReport};
 use palpate_fem::pcg::{PcgReport, PcgStatus};
 use palpate_solver::report::SolveReport;
 
 use super::StepInput;
+use super::bodies::BodiesReport;
 use super::stages::NOT_SOLVED;
 
 /// How a step ended.
@@ -117,12 +118,20 @@ pub struct StepReport {
     pub free_motion: PcgReport,
     /// Halvings of the motion: by the guard of the linearised step, or by the line search of Newton's method.
     pub cuts: u32,
-    /// Contacts found, merged, dropped.
+    /// Linearisations by which the guard repeated the motion; 0 where one was enough.
+    pub repeated: u32,
+    /// Quadratic elements that fold between the points at which they are evaluated, at the begin of the step.
+    pub folds: FoldReport,
+    /// Contacts with the tool: found, merged, dropped.
     pub detection: DetectionReport,
-    /// Rows built from the contacts.
+    /// Contacts of fixed and rigid bodies with the tissue and with one another.
+    pub bodies: BodiesReport,
+    /// Rows built from all contacts.
     pub rows: RowReport,
     /// The tissue around the tool that the tick got; empty where it has frozen rows.
     pub patch: PatchReport,
+    /// True where the tick got frozen rows in place of a patch since the tool was at a rigid body.
+    pub frozen_at_rigid: bool,
     /// `W`; where it is not usable the step goes on without contact.
     pub compliance: ComplianceReport,
     /// Method that gave `W`.
@@ -137,7 +146,13 @@ pub struct StepReport {
     /// Constraint solve. Iterations are those of the scene's solver, interior-point iterations of Lagrange multipliers or
     /// Newton's of penalty contact; the residual is that of the law of contact for each.
     pub solve: SolveReport,
-    /// Contacts that carry a force.
+    /// Solvers that were tried: above 1 where the automatic choice fell back. The most of all solves of the step.
+    pub attempts: u32,
+    /// Register name of the solver whose forces were taken, or of the direct method; empty where nothing was solved.
+    pub solver: &'static str,
+    /// First row of the contact with the largest residual; none without contacts.
+    pub worst_row: Option<u32>,
+    /// Contacts with the tool that carry a force.
     pub active: usize,
     /// Force of the tissue on the tool (N).
     pub force: Vector3<f64>,
@@ -171,24 +186,22 @@ impl StepReport {
             assembly: AssemblyReport::NONE,
             free_motion: PcgReport { status: PcgStatus::Converged, iterations: 0, relative_residual: 0.0 },
             cuts: 0,
-            detection: DetectionReport {
-                candidates: 0,
-                contacts: 0,
-                wrong_side: 0,
-                merged: 0,
-                dropped: 0,
-                non_finite: 0,
-                deepest_gap: f64::INFINITY,
-                tool_inside: false,
-            },
+            repeated: 0,
+            folds: FoldReport::NONE,
+            detection: DetectionReport::NONE,
+            bodies: BodiesReport::NONE,
             rows: RowReport::default(),
             patch: PatchReport::default(),
+            frozen_at_rigid: false,
             compliance: ComplianceReport { rows: 0, diagonal: [0.0; 2], asymmetry: 0.0, usable: true },
             method: ComplianceMethod::Automatic,
             error: ComplianceError::NONE,
             refused: false,
             unsettled: false,
             solve: NOT_SOLVED,
+            attempts: 0,
+            solver: "",
+            worst_row: None,
             active: 0,
             force: Vector3::zeros(),
             torque: Vector3::zeros(),
@@ -203,7 +216,7 @@ impl StepReport {
     }
 
     /// Names and units of [`StepReport::row`].
-    pub const COLUMNS: [&'static str; 34] = [
+    pub const COLUMNS: [&'static str; 35] = [
         "step",
         "time_s",
         "tool_x_m",
@@ -225,6 +238,7 @@ impl StepReport {
         "active_contacts",
         "residual",
         "sweeps",
+        "solver_attempts",
         "cg_iterations",
         "cg_residual",
         "cuts",
@@ -241,7 +255,7 @@ impl StepReport {
     ];
 
     /// The report as one row of a table.
-    pub fn row(&self) -> [f64; 34] {
+    pub fn row(&self) -> [f64; 35] {
         let p = self.tool.translation.vector;
         let r = self.tool.rotation;
         [
@@ -266,6 +280,7 @@ impl StepReport {
             self.active as f64,
             self.solve.residual,
             f64::from(self.solve.iterations),
+            f64::from(self.attempts),
             self.free_motion.iterations as f64,
             self.free_motion.relative_residual,
             f64::from(self.cuts),

@@ -3,17 +3,18 @@
 use nalgebra::{DMatrixViewMut, Isometry3, Matrix3, Vector3};
 use palpate_collision::contact::Contact;
 use palpate_collision::detection::detect;
-use palpate_constraints::compliance::{self, ComplianceMethod, ComplianceReport, WarpedInverse};
-use palpate_constraints::law::{Coulomb, Law, Signorini};
-use palpate_constraints::rows::{RowInput, ToolMotion, build_fixed_rows, build_rows};
+use palpate_constraints::body::{self, RigidBodies, SoftBody};
+use palpate_constraints::compliance::{ComplianceMethod, ComplianceReport, WarpedInverse};
+use palpate_constraints::rows::{ContactRows, Counterpart, RowInput, ToolMotion, build_fixed_rows, build_rows};
 use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::integrator::backward_euler::factor_end;
 use palpate_fem::integrator::explicit::explicit_velocity;
-use palpate_fem::nodal_rows::NodalRows;
 use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
 use palpate_fem::rotation::nodal_rotations;
 use palpate_solver::report::{SolveReport, SolveStatus};
+use palpate_solver::solver::SolverWorkspace;
 
+use super::bodies;
 use super::direct::direct_contact;
 use super::preconditioner::StepPreconditioner;
 use super::workspace::NewtonStage;
@@ -53,7 +54,7 @@ pub(super) fn free_motion(
     }
     let config = PcgConfig { relative_tolerance: body.tolerance, max_iterations: body.max_iterations };
     ws.v_free.fill(0.0);
-    let own = ws.own.as_ref().filter(|_| ws.own_is_current);
+    let own = ws.own.as_ref().filter(|_| ws.own_is_current).or(plan.constant.then_some(&factor.factor));
     let mut preconditioner = StepPreconditioner::new(own, factor, &ws.rotations, &mut ws.solve);
     report.free_motion = pcg(&ws.fem.system, &ws.fem.rhs, &mut ws.v_free, &mut preconditioner, config, &mut ws.pcg);
     for (dv, &node) in ws.v_free.chunks_exact_mut(3).zip(world.model().node_of_free()) {
@@ -73,7 +74,7 @@ pub(super) fn explicit_motion(world: &World, state: &StepState, ws: &mut StepWor
     }
 }
 
-/// Contacts of the tool with the skin at the begin of the step.
+/// Contacts of the skin with the tool and of all other pairs of bodies, at the begin of the step.
 pub(super) fn detection(
     world: &World,
     tool: &Isometry3<f64>,
@@ -91,6 +92,7 @@ pub(super) fn detection(
         &mut ws.detection,
         &mut state.contacts,
     );
+    bodies::detection(world, tool, state, ws, report);
 }
 
 /// Rows `H` and `delta_free`, and the law of each contact.
@@ -101,31 +103,37 @@ pub(super) fn rows(
     ws: &mut StepWorkspace,
     report: &mut StepReport,
 ) {
-    let friction = world.description().contact.friction;
+    let law = world.description().contact.contact_law();
+    let motion = state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::between(&before, tool));
     let input = RowInput {
         free_of_node: world.model().free_of_node(),
         v_free: &ws.v_free,
         dt: ws.dt,
-        tool_reference: tool.translation.vector,
-        tool_motion: state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::between(&before, tool)),
-        friction: friction > 0.0,
+        counterpart: Counterpart::Tool { reference: tool.translation.vector, motion },
+        friction: law.rows() > 1,
     };
     report.rows = build_rows(&state.contacts.contacts, &input, &mut ws.rows);
     build_fixed_rows(&state.contacts.contacts, &input, &mut ws.fixed_rows);
-    let law = contact_law(world);
+    report.rows = report.rows.and(bodies::rows(world, tool, motion, state, ws));
     // As many rows as the capacity was made for: the reset cannot fail, and an empty problem is a safe one if it did.
     if ws.problem.reset(ws.rows.len()).is_err() {
         ws.rows.clear();
+        ws.rigid.clear_blocks();
         return;
     }
-    ws.rows.blocks.iter().for_each(|_| ws.problem.push_block(law));
+    bodies::push_laws(world, law, ws);
     ws.problem.delta_free_mut().copy_from_slice(&ws.rows.delta_free);
+    choose_laws(world, ws);
 }
 
-/// The law of a contact with the tool.
-pub(super) fn contact_law(world: &World) -> Law {
-    let friction = world.description().contact.friction;
-    if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() }
+/// Gives each contact of tool and skin the law that belongs to its free gap.
+pub(super) fn choose_laws(world: &World, ws: &mut StepWorkspace) {
+    let law = world.description().contact.contact_law();
+    for (k, block) in ws.rows.blocks.iter().enumerate().take(ws.rigid.skin_blocks) {
+        if let Some(&gap) = ws.rows.delta_free.get(block.first_row as usize) {
+            ws.problem.set_law(k, law.at_free_gap(gap));
+        }
+    }
 }
 
 /// `W = h² H A⁻¹ Hᵀ` from the latest factor, warped by the rotations since it was taken, from this step's own, or from the
@@ -144,12 +152,12 @@ pub(super) fn compliance(
         return;
     }
     own_factor(world, exact_steps, ws, report);
-    let rows = std::mem::take(&mut ws.rows.tissue);
+    let rows = std::mem::take(&mut ws.rows);
     let mut problem = std::mem::take(&mut ws.problem);
     let method;
     (report.compliance, method) = compliance_of(world, factor, &rows, problem.compliance_mut(), ws);
     report.method = method.unwrap_or(report.method);
-    (ws.rows.tissue, ws.problem) = (rows, problem);
+    (ws.rows, ws.problem) = (rows, problem);
 }
 
 /// Factors this step's own matrix where the method wants one that is not there yet.
@@ -166,23 +174,28 @@ pub(super) fn own_factor(world: &World, exact_steps: u32, ws: &mut StepWorkspace
     }
 }
 
-/// `h² H A⁻¹ Hᵀ` of any rows into `w`, and the method that gave it; none for the lumped mass.
+/// `W = h² H A⁻¹ Hᵀ` of any rows, over all bodies, into `w`, and the method that gave the soft one's; none for the lumped
+/// mass.
 pub(super) fn compliance_of<'w>(
     world: &World,
     factor: &FactorSample,
-    rows: &NodalRows,
+    rows: &ContactRows,
     w: impl Into<DMatrixViewMut<'w, f64>>,
     ws: &mut StepWorkspace,
 ) -> (ComplianceReport, Option<ComplianceMethod>) {
+    let correction = &mut ws.correction;
+    let mut rigid = RigidBodies { inverse: &ws.rigid.inverse, correction: &mut ws.rigid.correction };
     match &mut ws.explicit {
         Some(explicit) => {
             let inverse = WarpedInverse { inverse: &explicit.inverse, rotations: None };
-            (compliance::assemble(inverse, rows, ws.dt, w, &mut explicit.compliance), None)
+            let mut soft = SoftBody { inverse, workspace: &mut explicit.compliance, correction };
+            (body::assemble(&mut [&mut soft, &mut rigid], rows, ws.dt, w), None)
         }
         None => {
             let own = ws.own.as_ref().filter(|_| ws.own_is_current);
             let (inverse, method) = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
-            (compliance::assemble(inverse, rows, ws.dt, w, &mut ws.compliance), Some(method))
+            let mut soft = SoftBody { inverse, workspace: &mut ws.compliance, correction };
+            (body::assemble(&mut [&mut soft, &mut rigid], rows, ws.dt, w), Some(method))
         }
     }
 }
@@ -220,24 +233,48 @@ pub(super) fn solve(
     report: &mut StepReport,
 ) {
     let m = ws.rows.len();
+    let solved = m > 0 && report.compliance.usable;
     ws.lambda[..m].fill(0.0);
     report.solve = SolveReport { status: SolveStatus::Solved, residual: 0.0, worst_gap: 0.0, ..NOT_SOLVED };
-    if m > 0 && !report.compliance.usable {
-        report.solve = NOT_SOLVED;
-    } else if m > 0 && ws.direct.is_some() {
-        direct_contact(world, input, state, ws, report);
-    } else if m > 0 {
-        let lambda = &mut ws.lambda[..m];
-        state.warm_start.fetch(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), WARM_START_RADIUS, lambda);
-        report.solve = ws.solver.solve(&ws.problem.view(), lambda, &mut ws.solver_workspace);
+    if solved && ws.direct.is_none() {
+        let (contacts, on_skin) = (&state.contacts.contacts, 0..ws.rigid.skin_blocks);
+        state.warm_start.fetch(contacts, &ws.rows, on_skin, WARM_START_RADIUS, &mut ws.lambda[..m]);
+        bodies::fetch(state, ws, WARM_START_RADIUS);
     }
-    let lambda = &ws.lambda[..m];
-    state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rows.blocks.len(), lambda);
+    if let Some(files) = &mut ws.problem_files {
+        files.begin(&ws.lambda[..m]);
+    }
+    if m > 0 && !solved {
+        report.solve = NOT_SOLVED;
+    } else if solved && ws.direct.is_some() {
+        direct_contact(world, input, state, ws, report);
+    } else if solved {
+        report.solve = ws.solver.solve(&ws.problem.view(), &mut ws.lambda[..m], &mut ws.solver_workspace);
+    }
+    if solved {
+        let (attempts, solver) = tried(world, ws);
+        if attempts >= report.attempts {
+            (report.attempts, report.solver) = (attempts, solver);
+        }
+    }
+    report.worst_row = ws.rows.blocks.get(report.solve.worst_block as usize).map(|block| block.first_row);
+    if let Some(files) = ws.problem_files.as_mut().filter(|_| solved) {
+        files.save(report.step, &ws.problem, &ws.lambda[..m]);
+    }
+    take_forces(state, ws, report);
+}
 
+/// Remembers the forces for the next step, and reports their sum.
+pub(super) fn take_forces(state: &mut StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
+    bodies::store(state, ws, report);
+    let lambda = &ws.lambda[..ws.rows.len()];
+    state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rigid.skin_blocks, lambda);
+
+    (report.active, report.indentation) = (0, 0.0);
     let wrench = ws.rows.wrench(lambda);
     (report.force, report.torque) = (wrench.force, wrench.torque);
     let mut friction = Vector3::zeros();
-    for (block, frame) in ws.rows.blocks.iter().zip(&ws.rows.frames) {
+    for (block, frame) in ws.rows.blocks.iter().zip(&ws.rows.frames).take(ws.rigid.skin_blocks) {
         let Some(force) = lambda.get(block.range()) else { continue };
         if force[0] <= 0.0 {
             continue;
@@ -249,6 +286,18 @@ pub(super) fn solve(
         report.indentation = report.indentation.max(push.dot(&contact.normal));
     }
     report.tangential_force = friction.norm();
+}
+
+/// How many solvers the last solve tried, and whose forces were taken.
+fn tried(world: &World, ws: &StepWorkspace) -> (u32, &'static str) {
+    if ws.direct.is_some() {
+        return (1, world.description().contact.method.name());
+    }
+    let SolverWorkspace::Automatic(automatic) = &ws.solver_workspace else { return (1, ws.solver.name()) };
+    let attempts = automatic.attempts();
+    // The first of equals, as the automatic choice itself takes it.
+    let best = attempts.iter().reduce(|best, a| if a.report.residual < best.report.residual { a } else { best });
+    (attempts.len() as u32, best.map_or(ws.solver.name(), |best| best.solver))
 }
 
 /// The contact's tissue point in another configuration of the body.

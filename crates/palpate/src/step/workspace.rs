@@ -15,16 +15,21 @@ use palpate_fem::integrator::newton::ImplicitWorkspace;
 use palpate_fem::model::{FemModel, FemState};
 use palpate_fem::nodal_rows::NodalRows;
 use palpate_fem::pcg::PcgWorkspace;
+use palpate_rigid::RigidState;
+use palpate_solver::automatic::AutomaticConfig;
 use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::solver::{Solver, SolverWorkspace};
 use std::sync::Arc;
 
+use super::bodies::{self, PairForce, PairState, RigidStage};
 use super::direct::DirectStage;
 use super::patch::PatchStage;
+use super::refinement::RefinementWorkspace;
+use crate::problem_files::ProblemFiles;
 use crate::world::{Integration, World};
 
 /// Rows of a contact with friction.
-const ROWS: usize = 3;
+pub(super) const ROWS: usize = 3;
 
 /// The simulation: everything that a later step depends on.
 pub struct StepState {
@@ -40,8 +45,13 @@ pub struct StepState {
     pub exact_steps: u32,
     /// Contacts of the last step; they carry the side from which the tool came.
     pub contacts: ContactSet,
+    /// The rigid bodies, in the order of the scene.
+    pub rigid: Vec<RigidState>,
+    /// What is remembered of each pair of bodies besides tissue and tool.
+    pub(super) pairs: Vec<PairState>,
     /// The state before the last step, to which a failed step returns.
     before: FemState,
+    rigid_before: Vec<RigidState>,
     /// Where the body was when the run began: indentation is measured from here (m).
     pub(super) rest: Vec<Vector3<f64>>,
 }
@@ -56,6 +66,9 @@ impl StepState {
             exact_steps: 0,
             warm_start: WarmStart::with_capacity(capacity),
             contacts: ContactSet::with_capacity(capacity),
+            rigid: world.bodies().rigid.iter().map(|body| body.start).collect(),
+            rigid_before: world.bodies().rigid.iter().map(|body| body.start).collect(),
+            pairs: world.bodies().pairs.iter().map(PairState::new).collect(),
             before: rest.clone(),
             rest: rest.q.clone(),
             fem: rest,
@@ -76,14 +89,17 @@ impl StepState {
         self.before.q.copy_from_slice(&self.fem.q);
         self.before.v.copy_from_slice(&self.fem.v);
         self.before.memory.copy_from_slice(&self.fem.memory);
+        self.rigid_before.copy_from_slice(&self.rigid);
     }
 
-    /// Puts the body back to the state before the step, at rest.
+    /// Puts all bodies back to the state before the step, at rest.
     pub(super) fn roll_back(&mut self) {
         self.fem.q.copy_from_slice(&self.before.q);
         self.fem.memory.copy_from_slice(&self.before.memory);
         self.fem.v.fill(Vector3::zeros());
         self.warm_start.clear();
+        self.rigid.iter_mut().zip(&self.rigid_before).for_each(|(now, before)| *now = before.at_rest());
+        self.pairs.iter_mut().for_each(PairState::forget);
     }
 }
 
@@ -153,6 +169,8 @@ pub struct StepWorkspace {
     pub(super) compliance: ComplianceWorkspace<ReachWorkspace>,
     pub(super) problem: ConstraintProblem,
     pub(super) lambda: Vec<f64>,
+    /// Rigid bodies, and the blocks of each pair of bodies.
+    pub(super) rigid: RigidStage,
     /// The scene's solver at step rate, and its memory.
     pub(super) solver: Solver,
     pub(super) solver_workspace: SolverWorkspace,
@@ -169,6 +187,8 @@ pub struct StepWorkspace {
     pub(super) sample: Vec<f64>,
     /// The unit force whose column is compared.
     pub(super) lambda_of_sample: Vec<f64>,
+    /// What a second solve for the forces starts from.
+    pub(super) refinement: RefinementWorkspace,
     /// Newton's method, where it integrates.
     pub(super) newton: Option<NewtonStage>,
     /// Central differences, where they integrate.
@@ -179,8 +199,12 @@ pub struct StepWorkspace {
     pub(super) patch: Option<PatchStage>,
     /// Configurations that the guard tries.
     pub(super) trial: FemState,
+    /// Newton's method for quadratic tissue in trouble.
+    pub(super) rescue: Option<ImplicitWorkspace>,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
+    /// Where the problems go that are solved, if they are kept.
+    pub(crate) problem_files: Option<ProblemFiles>,
 }
 
 impl StepWorkspace {
@@ -189,9 +213,19 @@ impl StepWorkspace {
         self.lambda.get(..self.rows.len()).unwrap_or(&[])
     }
 
-    /// Rows of the last step.
+    /// Rows of the last step that belong to the tool: the first of all.
+    pub(super) fn tool_rows(&self) -> usize {
+        self.rigid.tool_blocks.checked_sub(1).and_then(|last| self.rows.blocks.get(last)).map_or(0, |b| b.range().end)
+    }
+
+    /// Rows of the last step, those of the tool first.
     pub fn rows(&self) -> &ContactRows {
         &self.rows
+    }
+
+    /// What the contacts of pair `k` of [`Bodies::pairs`](crate::world::Bodies::pairs) did in the last step.
+    pub fn pair_force(&self, k: usize) -> Option<PairForce> {
+        bodies::pair_force(self, k)
     }
 
     /// The contact problem of the last step.
@@ -203,12 +237,18 @@ impl StepWorkspace {
     pub fn new(world: &World) -> Self {
         let (model, symbolic) = (world.model(), world.symbolic());
         let free = model.free_nodes();
-        let contacts = world.detection().max_contacts;
+        let contacts = world.contact_capacity();
         let rows = ROWS * contacts;
         let patch_nodes = world.patch_nodes();
-        let compliance_rows = rows.max(3 * patch_nodes);
+        // A patch, and the rows that are held while the tool touches it.
+        let others = rows - ROWS * world.detection().max_contacts;
+        let compliance_rows = rows.max(if patch_nodes > 0 { 3 * patch_nodes + others } else { 0 });
         let wanted = &world.description().solver;
-        let solver = wanted.kind.solver().limited(wanted.tolerance, Some(wanted.max_sweeps));
+        let solver = match wanted.kind.solver() {
+            Solver::Automatic(config) => AutomaticConfig { bounded: true, ..config }.into(),
+            solver => solver,
+        };
+        let solver = solver.limited(wanted.tolerance, Some(wanted.max_sweeps));
         let own = world.plan().has_own_factor();
         let (mut newton, mut explicit, mut dt) = (None, None, world.dt());
         match *world.integration() {
@@ -239,7 +279,8 @@ impl StepWorkspace {
             geometry: world.geometry().clone(),
             detection: DetectionWorkspace::new(world.geometry()),
             rows: ContactRows::with_capacity(contacts),
-            fixed_rows: ContactRows::with_capacity(contacts),
+            fixed_rows: ContactRows::with_capacity(world.detection().max_contacts),
+            rigid: RigidStage::new(world),
             compliance: ComplianceWorkspace::new(compliance_rows, ReachWorkspace::new(symbolic, compliance_rows)),
             problem: ConstraintProblem::with_capacity(rows),
             lambda: vec![0.0; rows],
@@ -250,7 +291,10 @@ impl StepWorkspace {
             load: vec![0.0; 3 * free],
             sample: vec![0.0; 3 * free],
             lambda_of_sample: vec![0.0; rows],
+            rescue: super::guard::rescue(world),
+            refinement: RefinementWorkspace::new(rows, 3 * free),
             size: world.mesh().bounding_box().diagonal(),
+            problem_files: None,
         }
     }
 }

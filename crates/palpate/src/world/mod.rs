@@ -1,5 +1,6 @@
 //! A scene made ready: mesh, body, symbolic factorisation, tool. Nothing in it changes while a run lasts.
 
+mod bodies;
 mod elements;
 mod fixed;
 mod geometry;
@@ -14,6 +15,7 @@ use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::contact::ContactSet;
 use palpate_collision::detection::{DetectionConfig, DetectionWorkspace, detect};
 use palpate_collision::shape::ToolShape;
+use palpate_collision::solid::Solid;
 use palpate_fem::factor::SymbolicFactor;
 use palpate_fem::mesh::{MeshQuality, TetMesh};
 use palpate_fem::model::{FemConfig, FemError, FemModel};
@@ -25,9 +27,13 @@ use elements::{locking, with_nodes_for};
 use fixed::fixed_nodes;
 use geometry::{Loaded, load};
 
+pub use bodies::{Bodies, Far, FixedBody, Near, Pair, RigidBody};
 pub use geometry::{is_surface, make};
 pub use integration::{EXPLICIT_SAFETY, Integration};
 pub use plan::Plan;
+
+/// Most contacts of fixed and rigid bodies in one step: their compliance then takes 72 MB.
+const MOST_CONTACTS: usize = 1000;
 
 /// A scene made ready to run.
 pub struct World {
@@ -39,6 +45,8 @@ pub struct World {
     symbolic: Arc<SymbolicFactor>,
     geometry: SurfaceGeometry,
     detection: DetectionConfig,
+    tool: Solid,
+    bodies: Bodies,
     integration: Integration,
     plan: Plan,
     warnings: Vec<String>,
@@ -90,7 +98,23 @@ impl World {
         &self.description().tools[0].shape
     }
 
-    /// How contacts are found.
+    /// The same, as other bodies meet it.
+    pub fn tool_solid(&self) -> &Solid {
+        &self.tool
+    }
+
+    /// Fixed and rigid bodies, and the pairs of bodies that can touch.
+    pub fn bodies(&self) -> &Bodies {
+        &self.bodies
+    }
+
+    /// Most contacts of one step, those of the tool among them.
+    pub fn contact_capacity(&self) -> usize {
+        let others = self.bodies.contact_capacity();
+        self.detection.max_contacts + others.min(MOST_CONTACTS)
+    }
+
+    /// How contacts with the tool are found.
     pub fn detection(&self) -> &DetectionConfig {
         &self.detection
     }
@@ -145,7 +169,8 @@ impl World {
         &self.warnings
     }
 
-    /// The pose of the tool before the first step: where the hand's path begins.
+    /// The pose of the tool before the device has told one: where the hand's path begins, or without one the device's
+    /// origin.
     pub fn first_pose(&self) -> Isometry3<f64> {
         first_pose(self.description())
     }
@@ -192,16 +217,17 @@ impl World {
             body.tolerance,
             body.max_iterations,
         );
+        text.push_str(&self.bodies.to_string());
         let _ = writeln!(text, "tool {}: {}", d.tools[0].name, one_line(&d.tools[0].shape));
         let c = &d.contact;
         let _ = writeln!(
             text,
-            "contact at {} by {} within {:.1} mm, friction {}, at most {} contacts",
+            "contact at {} by {} within {:.1} mm, at most {} contacts; law {}",
             format!("{:?}", c.at).to_lowercase(),
             self.contact_method(),
             c.margin * 1e3,
-            c.friction,
-            c.max_contacts
+            c.max_contacts,
+            c.law_in_words()
         );
         let _ = writeln!(text, "solver: {}", one_line(&d.solver));
         let _ = writeln!(text, "tick: {}", self.tick_method());
@@ -249,7 +275,7 @@ fn one_line(value: &impl serde::Serialize) -> String {
 }
 
 fn first_pose(description: &SceneDescription) -> Isometry3<f64> {
-    let [x, y, z] = description.hand.path[0].position;
+    let [x, y, z] = description.hand.path.first().map_or(description.device.origin, |key| key.position);
     Isometry3::translation(x, y, z)
 }
 
@@ -305,7 +331,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     warnings.extend(body.keys_without_effect().map(|key| {
         format!("`{key}` of body {} has no effect: only integrator = \"backward_euler\" reads it; remove it", body.name)
     }));
-    if config.fixed.is_empty() {
+    if config.fixed.is_empty() && description.fixed_bodies.is_empty() {
         warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
     }
     let model = FemModel::new(&mesh, &config).map_err(|e| match e {
@@ -335,7 +361,10 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     detection.validate().map_err(|e| scene.at("contact", e.to_string(), "correct the value"))?;
     let geometry = SurfaceGeometry::new(surface.triangles.clone(), &mesh.nodes)
         .map_err(|e| scene.at("body.0", e.to_string(), "use a mesh with a closed boundary"))?;
+    let bodies = Bodies::new(scene, &detection)?;
     let world = World {
+        tool: description.tools[0].shape.clone().into(),
+        bodies,
         scene: scene.clone(),
         mesh,
         quality,
@@ -349,11 +378,16 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         warnings,
     };
     tool_outside(&world)?;
+    bodies::apart(&world)?;
     Ok(world)
 }
 
-/// Refuses a tool that begins inside the body: there is no skin that it came through.
+/// Refuses a tool that begins inside the body: there is no skin that it came through. Where a real hand begins is its
+/// own affair.
 fn tool_outside(world: &World) -> Result<(), SceneError> {
+    if world.description().hand.path.is_empty() {
+        return Ok(());
+    }
     let mut ws = DetectionWorkspace::new(&world.geometry);
     let mut contacts = ContactSet::with_capacity(world.detection.max_contacts);
     let pose = world.first_pose();

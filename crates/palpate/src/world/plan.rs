@@ -1,7 +1,8 @@
 //! What a run will do for compliance, decided before it begins.
 //!
 //! Decisions rest on counts of operations and on stated rates of a nominal machine, never on measured time: the same
-//! scene is computed by the same methods on every machine, in real time and in lockstep.
+//! scene is computed by the same methods on every machine, in real time and in lockstep. `palpate plan` measures this
+//! body's own factor beside the prediction, and says where the machine at hand would have been planned for otherwise.
 
 use std::fmt;
 
@@ -79,6 +80,11 @@ impl Plan {
         }
     }
 
+    /// Longest factorisation (s) that the automatic choice puts into every step of `dt` (s).
+    pub fn largest_in_step(dt: f64) -> f64 {
+        FACTOR_SHARE * dt
+    }
+
     /// Whether a factor thread is started.
     pub fn has_factor_thread(&self) -> bool {
         self.refactor == Refactor::Thread
@@ -123,7 +129,7 @@ fn choose(body: &BodyDescription, dt: f64, factorization: f64, constant: bool) -
         ComplianceMethod::Automatic if constant => {
             (ComplianceMethod::Exact, Refactor::Once, "the law is linear: its matrix never changes".into())
         }
-        ComplianceMethod::Automatic if factorization <= FACTOR_SHARE * dt => {
+        ComplianceMethod::Automatic if factorization <= Plan::largest_in_step(dt) => {
             (ComplianceMethod::Exact, Refactor::Step, format!("a factorisation fits in the step: {milliseconds}"))
         }
         ComplianceMethod::Automatic => (

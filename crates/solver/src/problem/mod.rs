@@ -112,6 +112,15 @@ impl ConstraintProblem {
         self.blocks.push(Block { start, law });
     }
 
+    /// Replaces the law of a block by one on as many rows; `false`, and nothing changes, where it is not.
+    pub fn set_law(&mut self, block: usize, law: Law) -> bool {
+        let Some(block) = self.blocks.get_mut(block).filter(|block| block.law.rows() == law.rows()) else {
+            return false;
+        };
+        block.law = law;
+        true
+    }
+
     /// Number of rows `m`.
     #[must_use]
     pub fn rows(&self) -> usize {

@@ -1,7 +1,8 @@
 //! Contact problems in files: our own format, and those of Siconos in [`siconos`].
 //!
 //! Ours is JSON, so that any language reads it: `format` (always `palpate-contact-problem`), `version` (1), `blocks`
-//! (`start` and `law` each), `delta_free` (m) and `compliance` (m/N, an array of columns). Numbers are written in the
+//! (`start` and `law` each), `delta_free` (m), `compliance` (m/N, an array of columns), and where they are known the forces
+//! that a solver began with and found (`start` and `lambda`, N, one per row). Numbers are written in the
 //! shortest form that reads back to the same bits. A problem that does not validate for its numbers' sake (negative
 //! diagonal, asymmetry) can be written and read, since such problems are what one wants to look at; numbers that are not
 //! finite cannot, since JSON has none.
@@ -53,6 +54,17 @@ pub enum ProblemFileError {
     /// The file is HDF5.
     #[error("HDF5 files (FCLIB) are not read; convert the problem to `{FORMAT}`, which is JSON")]
     Hdf5,
+    /// There is nothing in the file.
+    #[error("the file is empty")]
+    Empty,
+    /// The file is neither JSON nor text.
+    #[error("line {line}: neither JSON nor text: byte {at} of the file is not UTF-8")]
+    Binary {
+        /// Line, from one.
+        line: usize,
+        /// First byte that no text has.
+        at: usize,
+    },
     /// A line of a text format cannot be understood.
     #[error("line {line}: expected {expected}, found {found}")]
     Text {
@@ -69,6 +81,26 @@ pub enum ProblemFileError {
         /// Rows asked for.
         rows: usize,
     },
+    /// Forces that do not fit the problem.
+    #[error("`{name}` has {forces} forces for {rows} rows; give one per row, or leave it out")]
+    Forces {
+        /// Which forces.
+        name: &'static str,
+        /// How many there are.
+        forces: usize,
+        /// Rows of the problem.
+        rows: usize,
+    },
+    /// A force that is not a number.
+    #[error("{name}[{row}] = {value} N is not finite; look for the problem that its solver left unsolved")]
+    NonFiniteForce {
+        /// Which forces.
+        name: &'static str,
+        /// Row.
+        row: usize,
+        /// The force.
+        value: f64,
+    },
     /// The numbers are not a contact problem.
     #[error(transparent)]
     Problem(#[from] ProblemError),
@@ -82,6 +114,35 @@ struct File {
     blocks: Vec<Block>,
     delta_free: Vec<f64>,
     compliance: Vec<Vec<f64>>,
+    #[serde(default)]
+    start: Option<Vec<f64>>,
+    #[serde(default)]
+    lambda: Option<Vec<f64>>,
+}
+
+/// Forces that belong to a problem, N, one per row. Not part of it: where another solver begins and ends is its own affair.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Forces {
+    /// Those that a solver began with.
+    pub start: Option<Vec<f64>>,
+    /// Those that it found.
+    pub lambda: Option<Vec<f64>>,
+}
+
+impl Forces {
+    /// As many finite forces as the problem has rows.
+    fn check(&self, rows: usize) -> Result<(), ProblemFileError> {
+        for (name, forces) in [("start", &self.start), ("lambda", &self.lambda)] {
+            let Some(forces) = forces else { continue };
+            if forces.len() != rows {
+                return Err(ProblemFileError::Forces { name, forces: forces.len(), rows });
+            }
+            if let Some((row, &value)) = forces.iter().enumerate().find(|(_, force)| !force.is_finite()) {
+                return Err(ProblemFileError::NonFiniteForce { name, row, value });
+            }
+        }
+        Ok(())
+    }
 }
 
 #[derive(Serialize)]
@@ -91,6 +152,10 @@ struct FileRef<'a> {
     blocks: &'a [Block],
     delta_free: &'a [f64],
     compliance: Vec<&'a [f64]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    start: &'a Option<Vec<f64>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lambda: &'a Option<Vec<f64>>,
 }
 
 /// Writes a problem in our format.
@@ -98,6 +163,19 @@ struct FileRef<'a> {
 /// # Errors
 /// Blocks that do not tile the rows, numbers that are not finite, and what the writer reports.
 pub fn write(problem: &ConstraintProblem, writer: impl Write) -> Result<(), ProblemFileError> {
+    write_with_forces(problem, &Forces::default(), writer)
+}
+
+/// [`write()`] with forces.
+///
+/// # Errors
+/// As [`write()`], and forces that are not as many as rows or not finite.
+pub fn write_with_forces(
+    problem: &ConstraintProblem,
+    forces: &Forces,
+    writer: impl Write,
+) -> Result<(), ProblemFileError> {
+    forces.check(problem.rows())?;
     problem.check_blocks()?;
     problem.check_finite()?;
     let view = problem.view();
@@ -107,6 +185,8 @@ pub fn write(problem: &ConstraintProblem, writer: impl Write) -> Result<(), Prob
         blocks: problem.blocks(),
         delta_free: problem.delta_free(),
         compliance: (0..problem.rows()).map(|j| view.column(j)).collect(),
+        start: &forces.start,
+        lambda: &forces.lambda,
     };
     Ok(serde_json::to_writer(writer, &file)?)
 }
@@ -116,6 +196,14 @@ pub fn write(problem: &ConstraintProblem, writer: impl Write) -> Result<(), Prob
 /// # Errors
 /// Text that is not a problem, and sizes that disagree.
 pub fn read(reader: impl Read) -> Result<ConstraintProblem, ProblemFileError> {
+    Ok(read_with_forces(reader)?.0)
+}
+
+/// [`read`] with the forces that the file holds.
+///
+/// # Errors
+/// As [`read`], and forces that are not as many as rows.
+pub fn read_with_forces(reader: impl Read) -> Result<(ConstraintProblem, Forces), ProblemFileError> {
     let file: File = serde_json::from_reader(reader)?;
     if file.format != FORMAT || file.version != VERSION {
         return Err(ProblemFileError::Format { format: file.format, version: file.version });
@@ -137,7 +225,9 @@ pub fn read(reader: impl Read) -> Result<ConstraintProblem, ProblemFileError> {
         let (law, expected) = (b.law.name(), placed.start);
         return Err(ProblemError::WrongBlock { block, law, start: b.start, end, expected, rows }.into());
     }
-    Ok(problem)
+    let forces = Forces { start: file.start, lambda: file.lambda };
+    forces.check(rows)?;
+    Ok((problem, forces))
 }
 
 /// [`write()`] to a file.
@@ -145,9 +235,17 @@ pub fn read(reader: impl Read) -> Result<ConstraintProblem, ProblemFileError> {
 /// # Errors
 /// As [`write()`], and the file.
 pub fn save(problem: &ConstraintProblem, path: &Path) -> Result<(), ProblemFileError> {
+    save_with_forces(problem, &Forces::default(), path)
+}
+
+/// [`write_with_forces`] to a file.
+///
+/// # Errors
+/// As [`write_with_forces`], and the file.
+pub fn save_with_forces(problem: &ConstraintProblem, forces: &Forces, path: &Path) -> Result<(), ProblemFileError> {
     let io = |source| ProblemFileError::Io { path: path.to_path_buf(), source };
     let mut writer = std::io::BufWriter::new(std::fs::File::create(path).map_err(io)?);
-    write(problem, &mut writer)?;
+    write_with_forces(problem, forces, &mut writer)?;
     writer.flush().map_err(io)
 }
 
@@ -165,18 +263,29 @@ pub fn load(path: &Path) -> Result<ConstraintProblem, ProblemFileError> {
 /// # Errors
 /// As [`read`] and [`siconos::read`], and the file.
 pub fn open(path: &Path) -> Result<ConstraintProblem, ProblemFileError> {
+    Ok(open_with_forces(path)?.0)
+}
+
+/// [`open`] with the forces that the file holds; those of Siconos hold none.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_with_forces(path: &Path) -> Result<(ConstraintProblem, Forces), ProblemFileError> {
     let io = |source| ProblemFileError::Io { path: path.to_path_buf(), source };
     let bytes = std::fs::read(path).map_err(io)?;
     if bytes.starts_with(b"\x89HDF\r\n\x1a\n") {
         return Err(ProblemFileError::Hdf5);
     }
     if bytes.trim_ascii_start().first() == Some(&b'{') {
-        return read(bytes.as_slice());
+        return read_with_forces(bytes.as_slice());
+    }
+    if bytes.trim_ascii().is_empty() {
+        return Err(ProblemFileError::Empty);
     }
     let text = String::from_utf8(bytes).map_err(|e| {
         let at = e.utf8_error().valid_up_to();
         let line = e.as_bytes().iter().take(at).filter(|byte| **byte == b'\n').count() + 1;
-        ProblemFileError::Text { line, expected: "text".to_owned(), found: "bytes that are not UTF-8".to_owned() }
+        ProblemFileError::Binary { line, at }
     })?;
-    siconos::read(&text)
+    Ok((siconos::read(&text)?, Forces::default()))
 }

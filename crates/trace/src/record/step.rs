@@ -93,5 +93,7 @@ record! {
         31 => overlap: f64, "m";
         /// Halvings of the motion, by the guard of the linearised step or the line search of Newton's method.
         32 => cuts: u32, "";
+        /// Contact solvers that were tried: above 1 where the first did not do, 0 without contact.
+        33 => solver_attempts: u32, "";
     }
 }

@@ -3,8 +3,8 @@
 #![allow(dead_code)] // each test uses its part
 
 use palpate_trace::{
-    Attachment, BodyGeometry, FactorRecord, FactorStatus, FactorTrace, LogLevel, LogRecord, StepFlags, StepRecord,
-    StepTrace, TickFlags, TickRecord, TickTrace, ToolShape, TraceConfig,
+    Attachment, BodyGeometry, FactorRecord, FactorStatus, FactorTrace, LogLevel, LogRecord, RigidRecord, SolidGeometry,
+    StepFlags, StepRecord, StepTrace, TickFlags, TickRecord, TickTrace, ToolShape, TraceConfig,
 };
 
 pub(crate) const TICKS_PER_STEP: u64 = 33;
@@ -127,4 +127,29 @@ pub(crate) fn push_step(k: u64, ticks: &mut TickTrace, steps: &mut StepTrace, fa
         taken &= steps.log(line);
     }
     taken
+}
+
+/// A floor and a ball that rolls on it.
+pub(crate) fn solids() -> Vec<SolidGeometry> {
+    let at = |z: f64| ([0.0, 0.0, z], [0.0, 0.0, 0.0, 1.0]);
+    let corners = vec![[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.0, 0.1, 0.0]];
+    let floor = ToolShape::Mesh { vertices: corners, triangles: vec![[0, 1, 2]] };
+    vec![
+        SolidGeometry { name: "floor".into(), shape: floor, pose: at(-0.01), moves: false },
+        SolidGeometry { name: "ball".into(), shape: ToolShape::Sphere { radius: 0.01 }, pose: at(0.0), moves: true },
+    ]
+}
+
+/// Where the ball of [`solids`] is after a step.
+pub(crate) fn rigid(step: u64) -> RigidRecord {
+    let time = step as f64 * 0.033;
+    RigidRecord {
+        step,
+        time_ns: (step + 1) * TICKS_PER_STEP * TICK_NS,
+        body: 0,
+        position: [0.1 * time, -0.0, f64::NAN],
+        orientation: [0.0, (5.0 * time).sin(), 0.0, (5.0 * time).cos()],
+        velocity: [0.1, f64::MIN_POSITIVE / 3.0, 0.0],
+        angular_velocity: [0.0, 10.0, -0.0],
+    }
 }

@@ -6,22 +6,21 @@
 
 #![allow(non_snake_case)]
 
+mod frame;
 pub mod principal;
 mod six_pieces;
 mod small_strain;
 
-use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 
 pub(crate) use self::{
-    principal::{PrincipalLaw, principal_batch, principal_forces},
-    six_pieces::{six_pieces_batch, six_pieces_energy, six_pieces_forces},
-    small_strain::{small_strain_batch, small_strain_forces},
+    principal::{PrincipalLaw, principal_forces, principal_pack},
+    six_pieces::{six_pieces_energy, six_pieces_forces, six_pieces_pack},
+    small_strain::{small_strain_forces, small_strain_pack},
 };
 use crate::{
     lanes::{Lanes, Mat3, Real, Vec3, cross, dot},
-    material::BatchReport,
-    pack::{PACK, Pack, PackMatrices, Row},
+    pack::{DeformedPack, PACK, Pack, PackMatrices, Row},
 };
 
 /// The instruction set that a kernel runs on.
@@ -38,34 +37,16 @@ impl Dispatch for Arch {
     }
 }
 
-/// Calls `kernel` for each pack with its deformed edges and notes what it met.
-fn for_packs(
-    packs: &[Pack],
-    q: &[Vector3<f64>],
-    out: &mut [PackMatrices],
-    mut kernel: impl FnMut(&Pack, &[[Row; 3]; 3], &mut PackMatrices),
-) -> BatchReport {
-    let mut report = BatchReport::default();
-    let mut first = 0;
-    for (pack, out) in packs.iter().zip(out) {
-        kernel(pack, &pack.edges(q), out);
-        for lane in 0..pack.len {
-            report.note(
-                first + lane as u32,
-                out.jacobian[lane],
-                out.filtered[lane] > 0.0,
-                out.checksum[lane].is_finite(),
-            );
-        }
-        first += pack.len as u32;
-    }
-    report
-}
-
 /// Parts into which `N` vectors of `S` cut the elements of a pack.
 #[inline(always)]
-fn parts<S: Simd, const N: usize>(pack: &Pack) -> usize {
+pub(crate) fn parts<S: Simd, const N: usize>(pack: &Pack) -> usize {
     pack.len.min(PACK).div_ceil(Lanes::<S, N>::COUNT)
+}
+
+/// The pressures on a part of a pack.
+#[inline(always)]
+fn pressure<S: Simd>(simd: S, at: &DeformedPack<'_>, part: usize) -> Option<Lanes<S>> {
+    at.pressure.map(|row| Lanes::load(simd, row, part))
 }
 
 /// `J` of elements with deformed edges `e`.
@@ -80,7 +61,7 @@ fn load3<S: Simd, const N: usize>(simd: S, rows: &[Row; 3], part: usize) -> Vec3
 }
 
 #[inline(always)]
-fn load33<S: Simd, const N: usize>(simd: S, rows: &[[Row; 3]; 3], part: usize) -> Mat3<Lanes<S, N>> {
+pub(crate) fn load33<S: Simd, const N: usize>(simd: S, rows: &[[Row; 3]; 3], part: usize) -> Mat3<Lanes<S, N>> {
     [load3(simd, &rows[0], part), load3(simd, &rows[1], part), load3(simd, &rows[2], part)]
 }
 
@@ -97,7 +78,7 @@ fn load6<S: Simd, const N: usize>(simd: S, rows: &[Row; 6], part: usize) -> [Lan
 }
 
 #[inline(always)]
-fn store3<S: Simd, const N: usize>(values: &Vec3<Lanes<S, N>>, rows: &mut [Row; 3], part: usize) {
+pub(crate) fn store3<S: Simd, const N: usize>(values: &Vec3<Lanes<S, N>>, rows: &mut [Row; 3], part: usize) {
     for c in 0..3 {
         values[c].store(&mut rows[c], part);
     }
@@ -111,7 +92,7 @@ fn store33<S: Simd, const N: usize>(values: &Mat3<Lanes<S, N>>, rows: &mut [[Row
 }
 
 /// Place of entry `(r, c)` in a stored triangle.
-const TRIANGLE: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
+pub(crate) const TRIANGLE: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
 
 /// Forces and blocks of the nodes 1, 2, 3.
 struct Free<T> {
@@ -184,13 +165,13 @@ impl<S: Simd> Free<Lanes<S>> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Matrix3;
+    use nalgebra::{Matrix3, Vector3};
     use pulp::{Scalar, Scalar128b, Scalar256b, Scalar512b};
 
     use super::*;
     use crate::{
         element::Tetrahedron,
-        material::{Corotational, Lame, MooneyRivlin, NeoHookean, Ogden, hyperelastic::Hyperelastic},
+        material::{BatchReport, Corotational, Lame, MooneyRivlin, NeoHookean, Ogden, hyperelastic::Hyperelastic},
     };
 
     /// Vectors without instructions for them.
@@ -221,43 +202,46 @@ mod tests {
 
     type Answers = Vec<(PackMatrices, usize)>;
 
-    /// Calls `batch` and keeps what it wrote for elements.
-    fn answers(packs: &[Pack], batch: impl FnOnce(&mut [PackMatrices]) -> BatchReport) -> (Answers, BatchReport) {
-        let mut out = vec![PackMatrices::ZERO; packs.len()];
-        let report = batch(&mut out);
-        let mut kept: Answers = Vec::new();
-        for (pack, out) in packs.iter().zip(out) {
-            // Places without an element hold what the width of the vectors leaves there.
-            let mut of_elements = PackMatrices::ZERO;
-            for lane in 0..pack.len {
-                of_elements.set_element(lane, &out.element(lane));
-                of_elements.jacobian[lane] = out.jacobian[lane];
-                of_elements.filtered[lane] = out.filtered[lane];
+    /// Calls `kernel` for each pack and keeps what it wrote for elements.
+    fn answers(kernel: impl Fn(&DeformedPack<'_>, &mut PackMatrices)) -> (Answers, BatchReport) {
+        let (packs, q) = body();
+        let (mut kept, mut report): (Answers, _) = (Vec::new(), BatchReport::default());
+        for (k, pack) in packs.iter().enumerate() {
+            let pressure = std::array::from_fn(|lane| 100.0 * lane as f64 - 300.0);
+            for pressure in [None, Some(&pressure)] {
+                let mut out = PackMatrices::ZERO;
+                kernel(&DeformedPack { pressure, ..pack.at(&q) }, &mut out);
+                // Places without an element hold what the width of the vectors leaves there.
+                let mut of_elements = PackMatrices::ZERO;
+                for lane in 0..pack.len {
+                    of_elements.set_element(lane, &out.element(lane));
+                    of_elements.jacobian[lane] = out.jacobian[lane];
+                    of_elements.filtered[lane] = out.filtered[lane];
+                }
+                out.note((PACK * k) as u32, pack.len, &mut report);
+                kept.push((of_elements, pack.len));
             }
-            kept.push((of_elements, pack.len));
         }
         (kept, report)
     }
 
     fn hyperelastic(dispatch: impl Dispatch, law: &impl Hyperelastic) -> [(Answers, BatchReport); 2] {
-        let (packs, q) = body();
         [
-            answers(&packs, |out| six_pieces_batch(dispatch, law, &packs, &q, out)),
-            answers(&packs, |out| principal_batch(dispatch, law, &packs, &q, true, out)),
+            answers(|at, out| six_pieces_pack(dispatch, law, at, out)),
+            answers(|at, out| principal_pack(dispatch, law, at, true, out)),
         ]
     }
 
     fn all(dispatch: impl Dispatch) -> Vec<(Answers, BatchReport)> {
-        let (packs, q) = body();
         let (ogden, corotational) = (Ogden::from_young_poisson(5e3, 0.45), Corotational::from_young_poisson(5e3, 0.45));
         let mut all = Vec::from(hyperelastic(dispatch, &NeoHookean::from_young_poisson(5e3, 0.45)));
         all.extend(hyperelastic(dispatch, &MooneyRivlin::from_young_poisson(5e3, 0.45)));
         for filter in [false, true] {
-            all.push(answers(&packs, |out| principal_batch(dispatch, &ogden, &packs, &q, filter, out)));
-            all.push(answers(&packs, |out| principal_batch(dispatch, &corotational, &packs, &q, filter, out)));
+            all.push(answers(|at, out| principal_pack(dispatch, &ogden, at, filter, out)));
+            all.push(answers(|at, out| principal_pack(dispatch, &corotational, at, filter, out)));
         }
         let lame = Lame::from_young_poisson(5e3, 0.45);
-        all.push(answers(&packs, |out| small_strain_batch(dispatch, lame, &packs, &q, out)));
+        all.push(answers(|at, out| small_strain_pack(dispatch, lame, at, out)));
         all
     }
 

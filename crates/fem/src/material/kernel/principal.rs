@@ -6,16 +6,16 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Vector3;
 use pulp::{Simd, WithSimd};
 
 use super::{
-    Dispatch, Free, TRIANGLE, for_packs, jacobian, load3, load6, load33, parts, store_forces, store3, store33,
+    Dispatch, TRIANGLE,
+    frame::{assemble, filter_response, forces},
+    jacobian, load3, load6, load33, parts, pressure, store_forces, store3, store33,
 };
 use crate::{
-    lanes::{Lanes, Mat3, Real, Vec3, eigenvectors, matrix_product, scaled, signed_svd, transposed_product},
-    material::{BatchReport, principal::ROUNDING},
-    pack::{PACK, Pack, PackMatrices, Row},
+    lanes::{Lanes, Mat3, Real, Vec3, scaled, signed_svd, transposed_product},
+    pack::{DeformedPack, PACK, PackMatrices, Row},
 };
 
 /// Derivatives of an isotropic energy by the signed singular values, with the eigenvalues of flips and twists.
@@ -29,6 +29,21 @@ pub struct PrincipalResponse<T> {
     pub flip: Vec3<T>,
     /// Eigenvalue of the twist of the two axes other than `a` (Pa): `(Ψ_b + Ψ_c) / (σ_b + σ_c)`.
     pub twist: Vec3<T>,
+}
+
+impl<T: Real> PrincipalResponse<T> {
+    /// Adds the derivatives of `p J`, `J = σ_0 σ_1 σ_2`.
+    #[inline(always)]
+    fn add_pressure(&mut self, sigma: &Vec3<T>, p: T) {
+        let along = scaled(sigma, p);
+        for a in 0..3 {
+            let (b, c) = ((a + 1) % 3, (a + 2) % 3);
+            self.stress[a] = self.stress[a] + along[b] * sigma[c];
+            self.scaling[TRIANGLE[b][c]] = self.scaling[TRIANGLE[b][c]] + along[a];
+            self.flip[a] = self.flip[a] - along[a];
+            self.twist[a] = self.twist[a] + along[a];
+        }
+    }
 }
 
 /// A law as a function of the signed singular values.
@@ -61,45 +76,38 @@ impl Scratch {
     };
 }
 
-/// Forces and tangents of packs of one law, with or without the filter.
-pub(crate) fn principal_batch<L: PrincipalLaw>(
+/// Forces and tangents of a pack of one law, with or without the filter.
+pub(crate) fn principal_pack<L: PrincipalLaw>(
     dispatch: impl Dispatch,
     law: &L,
-    packs: &[Pack],
-    q: &[Vector3<f64>],
+    at: &DeformedPack<'_>,
     filter: bool,
-    out: &mut [PackMatrices],
-) -> BatchReport {
+    out: &mut PackMatrices,
+) {
     let mut scratch = Scratch::ZERO;
-    for_packs(packs, q, out, |pack, edges, out| {
-        let scratch = &mut scratch;
-        dispatch.run(Decompose { pack, edges, scratch });
-        dispatch.run(Respond { law, pack, scratch });
-        dispatch.run(Assemble { pack, edges, filter, scratch, out });
-    })
+    let scratch = &mut scratch;
+    dispatch.run(Decompose { at, scratch });
+    dispatch.run(Respond { law, at, scratch });
+    dispatch.run(Assemble { at, filter, scratch, out });
 }
 
-/// The forces of [`principal_batch`] alone.
+/// The forces of [`principal_pack`] alone.
 pub(crate) fn principal_forces<L: PrincipalLaw>(
     dispatch: impl Dispatch,
     law: &L,
-    packs: &[Pack],
-    q: &[Vector3<f64>],
-    out: &mut [PackMatrices],
-) -> BatchReport {
+    at: &DeformedPack<'_>,
+    out: &mut PackMatrices,
+) {
     let mut scratch = Scratch::ZERO;
-    for_packs(packs, q, out, |pack, edges, out| {
-        let scratch = &mut scratch;
-        dispatch.run(Decompose { pack, edges, scratch });
-        dispatch.run(Respond { law, pack, scratch });
-        dispatch.run(Forces { pack, edges, scratch, out });
-    })
+    let scratch = &mut scratch;
+    dispatch.run(Decompose { at, scratch });
+    dispatch.run(Respond { law, at, scratch });
+    dispatch.run(Forces { at, scratch, out });
 }
 
 /// `F = Σ_k e_k D_kᵀ` and its frames.
 struct Decompose<'a> {
-    pack: &'a Pack,
-    edges: &'a [[Row; 3]; 3],
+    at: &'a DeformedPack<'a>,
     scratch: &'a mut Scratch,
 }
 
@@ -116,9 +124,10 @@ impl WithSimd for Decompose<'_> {
 impl Decompose<'_> {
     #[inline(always)]
     fn run<S: Simd, const N: usize>(self, simd: S) {
-        let Self { pack, edges, scratch } = self;
+        let Self { at, scratch } = self;
+        let pack = at.rest;
         for part in 0..parts::<S, N>(pack) {
-            let e: Mat3<Lanes<S, N>> = load33(simd, edges, part);
+            let e: Mat3<Lanes<S, N>> = load33(simd, &at.edges, part);
             let D = load33(simd, &pack.shape, part);
             let mut F = e;
             for c in 0..3 {
@@ -137,7 +146,7 @@ impl Decompose<'_> {
 /// The derivatives of the law.
 struct Respond<'a, L> {
     law: &'a L,
-    pack: &'a Pack,
+    at: &'a DeformedPack<'a>,
     scratch: &'a mut Scratch,
 }
 
@@ -146,9 +155,13 @@ impl<L: PrincipalLaw> WithSimd for Respond<'_, L> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { law, pack, scratch } = self;
-        for part in 0..parts::<S, 1>(pack) {
-            let response = law.principal::<Lanes<S>>(&load3(simd, &scratch.sigma, part));
+        let Self { law, at, scratch } = self;
+        for part in 0..parts::<S, 1>(at.rest) {
+            let sigma: Vec3<Lanes<S>> = load3(simd, &scratch.sigma, part);
+            let mut response = law.principal(&sigma);
+            if let Some(pressure) = pressure(simd, at, part) {
+                response.add_pressure(&sigma, pressure);
+            }
             store3(&response.stress, &mut scratch.stress, part);
             for k in 0..6 {
                 response.scaling[k].store(&mut scratch.scaling[k], part);
@@ -161,8 +174,7 @@ impl<L: PrincipalLaw> WithSimd for Respond<'_, L> {
 
 /// Forces alone.
 struct Forces<'a> {
-    pack: &'a Pack,
-    edges: &'a [[Row; 3]; 3],
+    at: &'a DeformedPack<'a>,
     scratch: &'a Scratch,
     out: &'a mut PackMatrices,
 }
@@ -172,12 +184,13 @@ impl WithSimd for Forces<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { pack, edges, scratch, out } = self;
+        let Self { at, scratch, out } = self;
+        let pack = at.rest;
         for part in 0..parts::<S, 1>(pack) {
             let (U, V) = (load33(simd, &scratch.U, part), load33(simd, &scratch.V, part));
             let D = load33(simd, &pack.shape, part);
             let g = [transposed_product(&V, &D[0]), transposed_product(&V, &D[1]), transposed_product(&V, &D[2])];
-            let e = load33(simd, edges, part);
+            let e = load33(simd, &at.edges, part);
             let J = jacobian(simd, &e, pack, part);
             let stress = load3(simd, &scratch.stress, part);
             store_forces(&forces(&stress, &U, &g, Lanes::load(simd, &pack.volume, part)), J, out, part);
@@ -186,21 +199,9 @@ impl WithSimd for Forces<'_> {
     }
 }
 
-/// `-V0 U Σ g_i` with the principal stresses `Σ`.
-#[inline(always)]
-fn forces<T: Real>(stress: &Vec3<T>, U: &Mat3<T>, g: &Mat3<T>, V0: T) -> Mat3<T> {
-    let stress = scaled(stress, -V0);
-    let mut forces = *g;
-    for i in 0..3 {
-        forces[i] = matrix_product(U, &[stress[0] * g[i][0], stress[1] * g[i][1], stress[2] * g[i][2]]);
-    }
-    forces
-}
-
 /// Filter, forces and blocks.
 struct Assemble<'a> {
-    pack: &'a Pack,
-    edges: &'a [[Row; 3]; 3],
+    at: &'a DeformedPack<'a>,
     filter: bool,
     scratch: &'a Scratch,
     out: &'a mut PackMatrices,
@@ -211,7 +212,8 @@ impl WithSimd for Assemble<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { pack, edges, filter, scratch, out } = self;
+        let Self { at, filter, scratch, out } = self;
+        let pack = at.rest;
         for part in 0..parts::<S, 1>(pack) {
             let mut response = PrincipalResponse {
                 stress: load3(simd, &scratch.stress, part),
@@ -226,139 +228,9 @@ impl WithSimd for Assemble<'_> {
             let (U, V) = (load33(simd, &scratch.U, part), load33(simd, &scratch.V, part));
             let D = load33(simd, &pack.shape, part);
             let g = [transposed_product(&V, &D[0]), transposed_product(&V, &D[1]), transposed_product(&V, &D[2])];
-            let e = load33(simd, edges, part);
+            let e = load33(simd, &at.edges, part);
             let J = jacobian(simd, &e, pack, part);
             assemble(&response, &U, &g, Lanes::load(simd, &pack.volume, part), J).store(out, part);
         }
-    }
-}
-
-/// Replaces negative eigenvalues by zero. Returns 1 where one was negative beyond rounding, elsewhere 0.
-///
-/// NaN stays NaN; where an eigenvalue is infinite nothing counts as negative beyond rounding.
-#[inline(always)]
-fn filter_response<T: Real>(response: &mut PrincipalResponse<T>) -> T {
-    let (zero, one) = (response.flip[0].constant(0.0), response.flip[0].constant(1.0));
-    let mut scale = zero;
-    for x in response.scaling.iter().chain(&response.flip).chain(&response.twist) {
-        scale = x.abs().larger(scale);
-    }
-    let rounding = scale * ROUNDING;
-    let mut acted = zero;
-    for x in response.flip.iter_mut().chain(&mut response.twist) {
-        acted = one.or_where_not((-*x).above(rounding), acted);
-        *x = zero.or_where_not(zero.above(*x), *x);
-    }
-
-    // Positive definite by its leading minors.
-    let A = &mut response.scaling;
-    let minor = A[0] * A[3] - A[1] * A[1];
-    let det = A[5] * minor + A[4] * (A[1] * A[2] - A[0] * A[4]) + A[2] * (A[1] * A[4] - A[3] * A[2]);
-    let indefinite = zero.or_where_not(A[0].above(zero), one);
-    let indefinite = indefinite.or_where_not(minor.above(zero), one);
-    let indefinite = indefinite.or_where_not(det.above(zero), one);
-    let indefinite = indefinite.above(zero);
-    if zero.any(indefinite) {
-        let (values, vectors) = eigenvectors([A[0], A[3], A[5]], [A[4], A[2], A[1]]);
-        let mut lifted = vectors;
-        for a in 0..3 {
-            let missing = zero.or_where_not(values[a].above(zero), -values[a]);
-            lifted[a] = scaled(&vectors[a], missing.or_where_not(indefinite, zero));
-        }
-        let mut change = zero;
-        for c in 0..3 {
-            for r in c..3 {
-                let add = lifted[0][r] * vectors[0][c] + lifted[1][r] * vectors[1][c] + lifted[2][r] * vectors[2][c];
-                change = add.abs().larger(change);
-                A[TRIANGLE[r][c]] = A[TRIANGLE[r][c]] + add;
-            }
-        }
-        acted = one.or_where_not(change.above(rounding), acted);
-    }
-    acted
-}
-
-/// Forces and blocks from the derivatives in the frames: `U`, and `g_i = Vᵀ D_i`.
-#[inline(always)]
-fn assemble<T: Real>(response: &PrincipalResponse<T>, U: &Mat3<T>, g: &Mat3<T>, V0: T, J: T) -> Free<T> {
-    let forces = forces(&response.stress, U, g, V0);
-    let half = V0 * 0.5;
-    let (mut shear, mut coupling) = (response.flip, response.flip);
-    for a in 0..3 {
-        shear[a] = (response.flip[a] + response.twist[a]) * half;
-        coupling[a] = (response.flip[a] - response.twist[a]) * half;
-    }
-    let mut A = response.scaling;
-    for x in &mut A {
-        *x = *x * V0;
-    }
-    let frame = Frame { U, A: &A, shear: &shear, coupling: &coupling };
-    Free {
-        forces,
-        diagonal: [frame.triangle(&g[0]), frame.triangle(&g[1]), frame.triangle(&g[2])],
-        off_diagonal: [frame.block(&g[0], &g[1]), frame.block(&g[0], &g[2]), frame.block(&g[1], &g[2])],
-        jacobian: J,
-    }
-}
-
-/// The tangent in the frames, times the volume.
-struct Frame<'a, T> {
-    U: &'a Mat3<T>,
-    A: &'a [T; 6],
-    shear: &'a Vec3<T>,
-    coupling: &'a Vec3<T>,
-}
-
-impl<T: Real> Frame<'_, T> {
-    /// Columns of the block of two shape vectors `x` and `y` in the rest frame, each turned by `U`.
-    #[inline(always)]
-    fn turned(&self, x: &Vec3<T>, y: &Vec3<T>) -> Mat3<T> {
-        let mut turned = *self.U;
-        for c in 0..3 {
-            let mut column = *x;
-            for r in 0..3 {
-                column[r] = if r == c {
-                    let (p, q) = ((r + 1) % 3, (r + 2) % 3);
-                    self.A[TRIANGLE[r][r]] * x[r] * y[r] + self.shear[q] * x[p] * y[p] + self.shear[p] * x[q] * y[q]
-                } else {
-                    self.A[TRIANGLE[r][c]] * x[r] * y[c] + self.coupling[3 - r - c] * x[c] * y[r]
-                };
-            }
-            turned[c] = matrix_product(self.U, &column);
-        }
-        turned
-    }
-
-    /// Entry `(r, c)` of `turned Uᵀ`.
-    #[inline(always)]
-    fn entry(&self, turned: &Mat3<T>, r: usize, c: usize) -> T {
-        turned[0][r] * self.U[0][c] + turned[1][r] * self.U[1][c] + turned[2][r] * self.U[2][c]
-    }
-
-    /// Triangle of the block `K_ii`.
-    #[inline(always)]
-    fn triangle(&self, x: &Vec3<T>) -> [T; 6] {
-        let t = self.turned(x, x);
-        [
-            self.entry(&t, 0, 0),
-            self.entry(&t, 1, 0),
-            self.entry(&t, 2, 0),
-            self.entry(&t, 1, 1),
-            self.entry(&t, 2, 1),
-            self.entry(&t, 2, 2),
-        ]
-    }
-
-    /// Block `K_ij`.
-    #[inline(always)]
-    fn block(&self, x: &Vec3<T>, y: &Vec3<T>) -> Mat3<T> {
-        let t = self.turned(x, y);
-        let mut block = t;
-        for c in 0..3 {
-            for r in 0..3 {
-                block[c][r] = self.entry(&t, r, c);
-            }
-        }
-        block
     }
 }

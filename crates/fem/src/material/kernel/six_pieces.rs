@@ -9,60 +9,43 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Vector3;
 use pulp::{Simd, WithSimd};
 
-use super::{Dispatch, Free, TRIANGLE, for_packs, load6, load33, parts, store_forces};
+use super::{Dispatch, Free, TRIANGLE, load6, load33, parts, pressure, store_forces};
 use crate::{
     lanes::{Lanes, Mat3, Real, Vec3, cross, dot, scaled, sum},
-    material::{
-        BatchReport,
-        hyperelastic::{Hyperelastic, Isotropic, Response},
-    },
-    pack::{PACK, Pack, PackMatrices, Row},
+    material::hyperelastic::{Hyperelastic, Isotropic, Response},
+    pack::{DeformedPack, PACK, Pack, PackMatrices, Row},
 };
 
-/// Forces and exact tangents of packs of one law.
-pub(crate) fn six_pieces_batch<L: Hyperelastic>(
+/// Forces and exact tangents of a pack of one law.
+pub(crate) fn six_pieces_pack<L: Hyperelastic>(
     dispatch: impl Dispatch,
     law: &L,
-    packs: &[Pack],
-    q: &[Vector3<f64>],
-    out: &mut [PackMatrices],
-) -> BatchReport {
-    for_packs(packs, q, out, |pack, edges, out| dispatch.run(SixPieces { law, pack, edges, out }))
+    at: &DeformedPack<'_>,
+    out: &mut PackMatrices,
+) {
+    dispatch.run(SixPieces { law, at, out });
 }
 
-/// The forces of [`six_pieces_batch`] alone.
+/// The forces of [`six_pieces_pack`] alone.
 pub(crate) fn six_pieces_forces<L: Hyperelastic>(
     dispatch: impl Dispatch,
     law: &L,
-    packs: &[Pack],
-    q: &[Vector3<f64>],
-    out: &mut [PackMatrices],
-) -> BatchReport {
-    for_packs(packs, q, out, |pack, edges, out| dispatch.run(Forces { law, pack, edges, out }))
+    at: &DeformedPack<'_>,
+    out: &mut PackMatrices,
+) {
+    dispatch.run(Forces { law, at, out });
 }
 
-/// Energy of packs of one law (J), summed element by element.
-pub(crate) fn six_pieces_energy<L: Hyperelastic>(
-    dispatch: impl Dispatch,
-    law: &L,
-    packs: &[Pack],
-    q: &[Vector3<f64>],
-) -> f64 {
-    let mut sum = 0.0;
-    for pack in packs {
-        let energies = dispatch.run(Energy { law, pack, edges: &pack.edges(q) });
-        sum += energies.iter().take(pack.len).sum::<f64>();
-    }
-    sum
+/// Energies of the elements of a pack of one law (J).
+pub(crate) fn six_pieces_energy<L: Hyperelastic>(dispatch: impl Dispatch, law: &L, at: &DeformedPack<'_>) -> Row {
+    dispatch.run(Energy { law, at })
 }
 
 struct Forces<'a, L> {
     law: &'a L,
-    pack: &'a Pack,
-    edges: &'a [[Row; 3]; 3],
+    at: &'a DeformedPack<'a>,
     out: &'a mut PackMatrices,
 }
 
@@ -71,11 +54,12 @@ impl<L: Hyperelastic> WithSimd for Forces<'_, L> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { law, pack, edges, out } = self;
+        let Self { law, at, out } = self;
+        let pack = at.rest;
         for part in 0..parts::<S, 1>(pack) {
             let shape = Shape::load(simd, pack, part);
-            let strain = Strain::new(&load33(simd, edges, part), &shape);
-            let r = law.response(strain.I1, strain.I2, strain.J);
+            let strain = Strain::new(&load33(simd, &at.edges, part), &shape);
+            let r = response(law, &strain, pressure(simd, at, part));
             store_forces(&strain.with(&shape, &r).forces::<L>(), strain.J, out, part);
         }
         out.filtered = [0.0; 8];
@@ -84,8 +68,7 @@ impl<L: Hyperelastic> WithSimd for Forces<'_, L> {
 
 struct Energy<'a, L> {
     law: &'a L,
-    pack: &'a Pack,
-    edges: &'a [[Row; 3]; 3],
+    at: &'a DeformedPack<'a>,
 }
 
 impl<L: Hyperelastic> WithSimd for Energy<'_, L> {
@@ -93,12 +76,13 @@ impl<L: Hyperelastic> WithSimd for Energy<'_, L> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Row {
-        let Self { law, pack, edges } = self;
+        let Self { law, at } = self;
+        let pack = at.rest;
         let mut energies = [0.0; PACK];
         for part in 0..parts::<S, 1>(pack) {
             let shape = Shape::load(simd, pack, part);
-            let strain = Strain::new(&load33(simd, edges, part), &shape);
-            let r = law.response(strain.I1, strain.I2, strain.J);
+            let strain = Strain::new(&load33(simd, &at.edges, part), &shape);
+            let r = response(law, &strain, pressure(simd, at, part));
             (r.energy * shape.V0).store(&mut energies, part);
         }
         energies
@@ -107,8 +91,7 @@ impl<L: Hyperelastic> WithSimd for Energy<'_, L> {
 
 struct SixPieces<'a, L> {
     law: &'a L,
-    pack: &'a Pack,
-    edges: &'a [[Row; 3]; 3],
+    at: &'a DeformedPack<'a>,
     out: &'a mut PackMatrices,
 }
 
@@ -117,9 +100,11 @@ impl<L: Hyperelastic> WithSimd for SixPieces<'_, L> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { law, pack, edges, out } = self;
+        let Self { law, at, out } = self;
+        let pack = at.rest;
         for part in 0..parts::<S, 1>(pack) {
-            six_pieces(law, &load33(simd, edges, part), &Shape::load(simd, pack, part)).store(out, part);
+            let (e, shape) = (load33(simd, &at.edges, part), Shape::load(simd, pack, part));
+            six_pieces(law, &e, &shape, pressure(simd, at, part)).store(out, part);
         }
         out.filtered = [0.0; 8];
     }
@@ -191,10 +176,21 @@ impl<T: Real> Strain<T> {
     }
 }
 
+/// What the law answers, under a pressure or none.
 #[inline(always)]
-fn six_pieces<T: Real, L: Hyperelastic>(law: &L, e: &Mat3<T>, shape: &Shape<T>) -> Free<T> {
+fn response<T: Real, L: Hyperelastic>(law: &L, strain: &Strain<T>, pressure: Option<T>) -> Response<T> {
+    let mut r = law.response(strain.I1, strain.I2, strain.J);
+    if let Some(p) = pressure {
+        r.energy = r.energy + p * strain.J;
+        r.s1 = r.s1 + p;
+    }
+    r
+}
+
+#[inline(always)]
+fn six_pieces<T: Real, L: Hyperelastic>(law: &L, e: &Mat3<T>, shape: &Shape<T>, pressure: Option<T>) -> Free<T> {
     let strain = Strain::new(e, shape);
-    let r = law.response(strain.I1, strain.I2, strain.J);
+    let r = response(law, &strain, pressure);
     let at = strain.with(shape, &r);
     let forces = at.forces::<L>();
     // V0 s1 ∂²J/∂q_i∂q_j: D_1 x D_2 = E_3 / det E and its cyclic permutations.

@@ -2,42 +2,28 @@
 
 #![allow(non_snake_case)]
 
-use nalgebra::Vector3;
 use pulp::{Simd, WithSimd};
 
-use super::{Dispatch, Free, TRIANGLE, for_packs, jacobian, load6, load33, parts, store_forces};
+use super::{Dispatch, Free, TRIANGLE, jacobian, load6, load33, parts, store_forces};
 use crate::{
     lanes::{Lanes, Mat3, Real, matrix_product, scaled},
-    material::{BatchReport, Lame},
-    pack::{PACK, Pack, PackMatrices, Row},
+    material::Lame,
+    pack::{DeformedPack, PACK, PackMatrices},
 };
 
-/// Forces and tangents of packs of linear elasticity.
-pub(crate) fn small_strain_batch(
-    dispatch: impl Dispatch,
-    lame: Lame,
-    packs: &[Pack],
-    q: &[Vector3<f64>],
-    out: &mut [PackMatrices],
-) -> BatchReport {
-    for_packs(packs, q, out, |pack, edges, out| dispatch.run(SmallStrain { lame, pack, edges, out }))
+/// Forces and tangents of a pack of linear elasticity; pressures are ignored.
+pub(crate) fn small_strain_pack(dispatch: impl Dispatch, lame: Lame, at: &DeformedPack<'_>, out: &mut PackMatrices) {
+    dispatch.run(SmallStrain { lame, at, out });
 }
 
-/// The forces of [`small_strain_batch`] alone.
-pub(crate) fn small_strain_forces(
-    dispatch: impl Dispatch,
-    lame: Lame,
-    packs: &[Pack],
-    q: &[Vector3<f64>],
-    out: &mut [PackMatrices],
-) -> BatchReport {
-    for_packs(packs, q, out, |pack, edges, out| dispatch.run(Forces { lame, pack, edges, out }))
+/// The forces of [`small_strain_pack`] alone.
+pub(crate) fn small_strain_forces(dispatch: impl Dispatch, lame: Lame, at: &DeformedPack<'_>, out: &mut PackMatrices) {
+    dispatch.run(Forces { lame, at, out });
 }
 
 struct Forces<'a> {
     lame: Lame,
-    pack: &'a Pack,
-    edges: &'a [[Row; 3]; 3],
+    at: &'a DeformedPack<'a>,
     out: &'a mut PackMatrices,
 }
 
@@ -46,9 +32,10 @@ impl WithSimd for Forces<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { lame, pack, edges, out } = self;
+        let Self { lame, at, out } = self;
+        let pack = at.rest;
         for part in 0..parts::<S, 1>(pack) {
-            let e = load33(simd, edges, part);
+            let e = load33(simd, &at.edges, part);
             let D = load33(simd, &pack.shape, part);
             let J = jacobian(simd, &e, pack, part);
             let V0: Lanes<S> = Lanes::load(simd, &pack.volume, part);
@@ -60,8 +47,7 @@ impl WithSimd for Forces<'_> {
 
 struct SmallStrain<'a> {
     lame: Lame,
-    pack: &'a Pack,
-    edges: &'a [[Row; 3]; 3],
+    at: &'a DeformedPack<'a>,
     out: &'a mut PackMatrices,
 }
 
@@ -70,9 +56,10 @@ impl WithSimd for SmallStrain<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { lame, pack, edges, out } = self;
+        let Self { lame, at, out } = self;
+        let pack = at.rest;
         for part in 0..parts::<S, 1>(pack) {
-            let e = load33(simd, edges, part);
+            let e = load33(simd, &at.edges, part);
             let D = load33(simd, &pack.shape, part);
             let gram = load6(simd, &pack.gram, part);
             let J = jacobian(simd, &e, pack, part);

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use palpate_collision::Contact;
 use palpate_constraints::frame::ContactFrame;
-use palpate_constraints::law::{Coulomb, Law, Signorini};
+use palpate_constraints::law::{Law, Signorini};
 use palpate_solver::problem::Block;
 
 use super::ToolPoses;
@@ -12,9 +12,6 @@ use crate::coupling::Coupling;
 use crate::patch::HapticPatch;
 use crate::snapshot::ROWS_PER_CONTACT;
 use crate::wrench::Wrench;
-
-/// Share of the cone's radius up to which a contact sticks: beyond, its displacement is a slip and is forgotten.
-const STICKS: f64 = 0.999;
 
 /// One contact with its directions on nodes and tool.
 #[derive(Clone, Copy, Debug)]
@@ -42,7 +39,7 @@ pub(super) struct Rows {
     /// Gap without contact forces \[m\], and forces \[N\], one a row.
     pub(super) delta_free: Vec<f64>,
     pub(super) lambda: Vec<f64>,
-    friction: f64,
+    law: Law,
     max_contacts: usize,
 }
 
@@ -54,7 +51,7 @@ impl Rows {
             blocks: Vec::with_capacity(contacts),
             delta_free: Vec::with_capacity(rows),
             lambda: Vec::with_capacity(rows),
-            friction: 0.0,
+            law: Signorini.into(),
             max_contacts: contacts,
         }
     }
@@ -69,7 +66,7 @@ impl Rows {
 
     /// Rows of one contact.
     fn rows_each(&self) -> usize {
-        if self.friction > 0.0 { 3 } else { 1 }
+        if self.law.rows() > 1 { ROWS_PER_CONTACT } else { 1 }
     }
 
     /// Refills the rows; as many contacts as there is memory for.
@@ -84,8 +81,8 @@ impl Rows {
         self.contact.clear();
         self.blocks.clear();
         self.delta_free.clear();
-        self.friction = patch.friction;
-        let law: Law = if self.friction > 0.0 { Coulomb { friction: self.friction }.into() } else { Signorini.into() };
+        self.law = patch.law;
+        let each = self.rows_each();
         let path = Path::new(poses, memory.tool());
         for contact in contacts.iter().take(self.max_contacts) {
             let directions = ContactFrame::new(contact.normal).directions();
@@ -116,9 +113,9 @@ impl Rows {
             }
             let normal = &directions[0];
             let gap = contact.gap - normal.dot(&yielded) + path.closing(normal, &lever);
-            self.blocks.push(Block { start: self.delta_free.len(), law });
+            self.blocks.push(Block { start: self.delta_free.len(), law: self.law.at_free_gap(gap) });
             self.delta_free.push(gap);
-            if self.friction > 0.0 {
+            if each > 1 {
                 let along = moved - path.of_point(&contact.tissue_point) + memory.slip(contact.feature);
                 self.delta_free.extend([directions[1].dot(&along), directions[2].dot(&along)]);
             }
@@ -168,7 +165,7 @@ impl Rows {
     /// Notes what the forces leave open, and what slips.
     pub(super) fn note_gaps(&mut self, delta: &[f64]) {
         let each = self.rows_each();
-        for (k, row) in self.contact.iter_mut().enumerate() {
+        for (k, (row, block)) in self.contact.iter_mut().zip(&self.blocks).enumerate() {
             let (Some(gap), Some(lambda)) = (delta.get(each * k..), self.lambda.get(each * k..each * (k + 1))) else {
                 continue;
             };
@@ -176,7 +173,8 @@ impl Rows {
             let mut local = Vector3::zeros();
             local.iter_mut().zip(lambda).for_each(|(to, l)| *to = *l);
             row.force = row.frame * local;
-            let holds = local.x > 0.0 && local.yz().norm() <= STICKS * self.friction * local.x;
+            // What slides has a slip, which is forgotten.
+            let holds = local.x > 0.0 && block.law.sticks(&local);
             row.slip = match gap {
                 [_, t, s, ..] if holds && each == 3 => row.frame.column(1) * *t + row.frame.column(2) * *s,
                 _ => Vector3::zeros(),

@@ -1,0 +1,168 @@
+//! The bundled palpation (frictional, hyperelastic) by size of the organ: what a step costs, what it is made of, how far
+//! its force is from that of exact steps, and the largest organ that a step at 30 Hz has time for.
+//!
+//! `cargo bench --bench organ_size [-- NODES...]`: about as many nodes; without, 1,000 to 8,000. The factor is made ten
+//! times a second by the caller between steps as the factor thread makes it beside them. Times are those of the
+//! processor on one thread, which other work on the machine disturbs least.
+
+#![allow(clippy::print_stdout)]
+
+use cpu_time::ThreadTime;
+use nalgebra::{Isometry3, Translation3, Vector3};
+use palpate::constraints::compliance::ComplianceMethod;
+use palpate::haptics::script::HandScript;
+use palpate::simulation::Simulation;
+use palpate::step::{StepReport, StepTimes};
+use palpate::world::World;
+
+mod organ;
+use organ::{liver, measuring, pool};
+
+/// About as many nodes, unless the command line names others.
+const NODES: [f64; 4] = [1000.0, 2000.0, 4000.0, 8000.0];
+
+/// Lattice constant (m) of 1,500 nodes.
+const CELL: f64 = 0.0155;
+
+/// The parts of the scene that are played (s): pressing, and the first of sliding.
+const PARTS: [(f64, f64); 2] = [(1.2, 2.5), (3.5, 4.5)];
+
+/// Steps between two factors: 10 Hz beside steps of 30 Hz.
+const REFRESH_EVERY: u64 = 3;
+
+/// Time that a step has (ms).
+const STEP: f64 = 1e3 / 30.0;
+
+fn poses(world: &World) -> Vec<Isometry3<f64>> {
+    let script = HandScript::new(world.description().hand.path.clone()).expect("the bundled path is valid");
+    let first = world.first_pose();
+    PARTS
+        .iter()
+        .flat_map(|&(from, to)| (0..((to - from) / world.dt()) as usize).map(move |k| (from, k)))
+        .map(|(from, k)| {
+            let at = script.intent(from + k as f64 * world.dt()).position;
+            Isometry3::from_parts(Translation3::from(at), first.rotation)
+        })
+        .collect()
+}
+
+/// A run: reports of the steps and their processor times (ms).
+fn play(world: &World, steps: usize) -> Vec<(StepReport, f64)> {
+    let mut simulation = Simulation::new(world).expect("the liver has a factor").refresh_every(REFRESH_EVERY);
+    simulation = simulation.refresh_early();
+    let poses = poses(world);
+    poses
+        .iter()
+        .take(steps)
+        .map(|pose| {
+            let clock = ThreadTime::now();
+            let report = simulation.step_alone(pose);
+            let time = 1e3 * clock.elapsed().as_secs_f64();
+            simulation.refresh_if_due(&report);
+            (report, time)
+        })
+        .collect()
+}
+
+fn world(cell: f64, method: ComplianceMethod) -> World {
+    liver(cell, |scene| {
+        scene.bodies[0].compliance = method;
+        // its comparison of columns takes whatever time it is granted
+        scene.bodies[0].error_sampling = 0.0;
+    })
+}
+
+fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[((values.len() - 1) as f64 * share).round() as usize]
+}
+
+/// Nodes and median and 99th percentile of a step (ms).
+struct Line {
+    nodes: f64,
+    median: f64,
+    slowest: f64,
+}
+
+fn measure(nodes: f64, steps: usize) -> Line {
+    let cell = CELL * (1500.0 / nodes).cbrt();
+    let world = world(cell, ComplianceMethod::Asynchronous);
+    let runs = play(&world, steps);
+    let exact = play(&self::world(cell, ComplianceMethod::Exact), steps);
+    let force = |run: &[(StepReport, f64)]| run.iter().map(|(report, _)| report.force).collect::<Vec<Vector3<f64>>>();
+    let (forces, exact) = (force(&runs), force(&exact));
+    let largest = exact.iter().map(Vector3::norm).fold(0.0, f64::max);
+    let errors: Vec<f64> = forces.iter().zip(&exact).map(|(f, e)| 100.0 * (f - e).norm() / largest).collect();
+
+    let of = |part: fn(&StepTimes) -> f64| {
+        let sum = |f: &dyn Fn(&StepTimes) -> f64| runs.iter().map(|(report, _)| f(&report.times)).sum::<f64>();
+        100.0 * sum(&part) / sum(&|t| t.total)
+    };
+    let iterations = |run: &[(StepReport, f64)], of: fn(&StepReport) -> f64| -> Vec<f64> {
+        run.iter().map(|(report, _)| of(report)).collect()
+    };
+    let free = iterations(&runs, |r| r.free_motion.iterations as f64);
+    let correction = iterations(&runs, |r| f64::from(r.error.correction_iterations));
+    let times: Vec<f64> = runs.iter().map(|(_, time)| *time).collect();
+    let line = Line {
+        nodes: world.mesh().nodes.len() as f64,
+        median: quantile(times.clone(), 0.5),
+        slowest: quantile(times, 0.99),
+    };
+    println!(
+        "{:>6} {:>9.2} {:>7.2} | {:>5.0} {:>5.0} {:>5.0} {:>5.0} {:>5.0} | {:>4.0} {:>4.0} {:>4.0} {:>4.0} | {:>6.3} {:>6.3} | {:>8.1}",
+        line.nodes,
+        line.median,
+        line.slowest,
+        of(|t| t.assembly),
+        of(|t| t.free_motion),
+        of(|t| t.compliance),
+        of(|t| t.correction),
+        of(|t| t.detection + t.solve + t.sampling + t.hand_over),
+        quantile(free.clone(), 0.5),
+        quantile(free, 1.0),
+        quantile(correction.clone(), 0.5),
+        quantile(correction, 1.0),
+        quantile(errors.clone(), 0.5),
+        quantile(errors, 1.0),
+        1e3 * world.plan().factorization,
+    );
+    line
+}
+
+/// Least squares of `ln time = a + e ln nodes`: `(a, e)`.
+fn fit(lines: &[Line], time: fn(&Line) -> f64) -> (f64, f64) {
+    let points: Vec<(f64, f64)> = lines.iter().map(|line| (line.nodes.ln(), time(line).ln())).collect();
+    let n = points.len() as f64;
+    let mean = points.iter().fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
+    let (up, down) = points.iter().fold((0.0, 0.0), |(up, down), p| {
+        (up + (p.0 - mean.0) * (p.1 - mean.1), down + (p.0 - mean.0) * (p.0 - mean.0))
+    });
+    (mean.1 - up / down * mean.0, up / down)
+}
+
+fn main() {
+    let named: Vec<f64> = std::env::args().filter_map(|argument| argument.parse().ok()).collect();
+    let (sizes, steps) = match (measuring(), named.is_empty()) {
+        (false, _) => (vec![600.0, 900.0], 8),
+        (true, true) => (NODES.to_vec(), usize::MAX),
+        (true, false) => (named, usize::MAX),
+    };
+    println!(
+        "step (cpu ms)             | share of the step (%)         | iterations          | force error %   | factor"
+    );
+    println!(
+        " nodes    median     p99 | assem  free     W  corr other | free  max corr  max | median    max | predicted ms"
+    );
+    pool(1).install(|| {
+        let lines: Vec<Line> = sizes.iter().map(|&nodes| measure(nodes, steps)).collect();
+        if lines.len() > 1 {
+            let (_, exponent) = fit(&lines, |line| line.median);
+            let (a, e) = fit(&lines, |line| line.slowest);
+            println!(
+                "median time grows as nodes^{exponent:.2}; a step at 30 Hz fits (p99, fitted) up to {:.0} nodes",
+                ((STEP.ln() - a) / e).exp()
+            );
+        }
+    });
+}

@@ -1,0 +1,637 @@
+/* Palpate: real-time haptic simulation of soft tissue, for programs in C and C++.
+ *
+ * LIFE CYCLE
+ *   palpate_create_from_file -> palpate_open_port -> palpate_start -> palpate_tick, palpate_tick, ...
+ *   [palpate_pause, palpate_resume] -> palpate_stop -> palpate_close_port -> palpate_destroy
+ *   A stopped simulation can be given a new port, and begins anew from rest. Port and simulation may be freed in either
+ *   order; NULL may be freed. Every other use of a freed handle is an error that the library cannot see.
+ *
+ * THREADS
+ *   The library owns the threads of the simulation: the tissue steps at some 30 Hz, its matrix is factored at some 10 Hz.
+ *   The driver owns the thread that calls palpate_tick. palpate_tick allocates nothing, takes no lock and never waits:
+ *   what a slow simulation does to it is an older model of the tissue, and in the end a force that fades. One thread
+ *   ticks a port at a time; a second one gets PALPATE_STATUS_ERROR_BUSY and no force. All other functions may be called
+ *   from any thread, beside the ticks, and may take long.
+ *
+ * FRAME AND UNITS
+ *   SI units: m, s, N, N m, rad. Right-handed frames. Input and output of a tick are in the frame of the device, which
+ *   stands in the world as palpate_options.origin and .axes say. Forces and torques act ON THE HAND: pressing down on
+ *   tissue gives a force that points up. Quaternions are w, x, y, z.
+ *
+ * SAFETY
+ *   In this order: a pose, a number of the tissue's answer or a call that is not sound ends the force at once, and it
+ *   comes back as a ramp; an old model of the tissue fades the force; force and torque are cut to their limits; their
+ *   change is cut to the slew rate. Every output is finite, whatever comes in. Limits act on what the library sends: a
+ *   driver that does not call must rely on the watchdog of its own device.
+ *
+ * VERSIONS
+ *   Set struct_size to sizeof the struct before each struct is given to the library. Structs grow at their ends only; a
+ *   program and a library of different versions exchange what both know.
+ *
+ * ERRORS
+ *   Negative: an error. palpate_last_error tells place and remedy, in the thread that made the call. No panic, no C++
+ *   exception, no longjmp leaves the library.
+ */
+
+
+#ifndef PALPATE_H
+#define PALPATE_H
+
+/* Generated from crates/capi; do not edit: change the Rust and run `cargo xtask header`. */
+
+#include <stdint.h>
+
+/*
+ Phase of a simulation that has a port and has not been started.
+ */
+#define PALPATE_PHASE_READY 0
+
+/*
+ The tissue moves.
+ */
+#define PALPATE_PHASE_RUNNING 1
+
+/*
+ The tissue stands still and gives no force.
+ */
+#define PALPATE_PHASE_PAUSED 2
+
+/*
+ Stopped.
+ */
+#define PALPATE_PHASE_STOPPED 3
+
+/*
+ Ended by itself: the body became non-finite or was torn apart, or a thread failed. palpate_stop, then
+ palpate_last_error tell why.
+ */
+#define PALPATE_PHASE_FAILED 4
+
+/*
+ A new step of the tissue was taken over.
+ */
+#define PALPATE_TICK_NEW_STEP (1u << 0)
+
+/*
+ The tissue has not made a step yet: no force.
+ */
+#define PALPATE_TICK_NO_STEP (1u << 1)
+
+/*
+ The tissue stands still or has failed: the force comes down to zero.
+ */
+#define PALPATE_TICK_AT_REST (1u << 2)
+
+/*
+ The tissue's latest step is old: the force fades, or is zero.
+ */
+#define PALPATE_TICK_STALE (1u << 3)
+
+/*
+ The force is rising after a start or an interruption.
+ */
+#define PALPATE_TICK_FADE_IN (1u << 4)
+
+/*
+ The force was cut to its limit.
+ */
+#define PALPATE_TICK_FORCE_LIMITED (1u << 5)
+
+/*
+ The torque was cut to its limit.
+ */
+#define PALPATE_TICK_TORQUE_LIMITED (1u << 6)
+
+/*
+ The change of the force or torque was cut to its limit.
+ */
+#define PALPATE_TICK_SLEW_LIMITED (1u << 7)
+
+/*
+ A number of the tissue's answer was not finite: no force.
+ */
+#define PALPATE_TICK_NON_FINITE (1u << 8)
+
+/*
+ The time since the tick before was an interruption: the force comes back as a ramp.
+ */
+#define PALPATE_TICK_GAP (1u << 10)
+
+/*
+ The contact solver stopped above its tolerance.
+ */
+#define PALPATE_TICK_NOT_CONVERGED (1u << 11)
+
+/*
+ Contacts were left out because there was no room for them.
+ */
+#define PALPATE_TICK_TRUNCATED (1u << 12)
+
+/*
+ The input's pose was not finite, not a rotation, or beyond 1 km: no force.
+ */
+#define PALPATE_TICK_BAD_POSE (1u << 13)
+
+/*
+ The device's clock stood still, ran backwards, or did not keep pace: the library's own was used.
+ */
+#define PALPATE_TICK_CLOCK (1u << 30)
+
+/*
+ The call itself was refused: see the status.
+ */
+#define PALPATE_TICK_REFUSED (1u << 31)
+
+/*
+ The field velocity and angular_velocity of the input are measured. Without it the library finds them from the poses.
+ */
+#define PALPATE_INPUT_VELOCITY (1u << 0)
+
+/*
+ What a function answers. Negative: an error; positive: information; 0: all is well.
+ */
+enum palpate_status
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /*
+     Done.
+     */
+    PALPATE_STATUS_OK = 0,
+    /*
+     Done, and the flags of the output say something: the force fades, is limited, or there is none yet.
+     */
+    PALPATE_STATUS_NOTICE = 1,
+    /*
+     A pointer is NULL.
+     */
+    PALPATE_STATUS_ERROR_NULL = -1,
+    /*
+     The struct_size of a struct is too small for what every version of it holds.
+     */
+    PALPATE_STATUS_ERROR_STRUCT_SIZE = -2,
+    /*
+     A number is out of its range, or a text is not UTF-8.
+     */
+    PALPATE_STATUS_ERROR_ARGUMENT = -3,
+    /*
+     The scene cannot be read, or is wrong.
+     */
+    PALPATE_STATUS_ERROR_SCENE = -4,
+    /*
+     The scene cannot be set up: the body cannot be simulated, the trace not written, threads not started.
+     */
+    PALPATE_STATUS_ERROR_SET_UP = -5,
+    /*
+     The simulation is not in a phase in which the function may be called.
+     */
+    PALPATE_STATUS_ERROR_PHASE = -6,
+    /*
+     Another thread is inside palpate_tick with the same port. No force.
+     */
+    PALPATE_STATUS_ERROR_BUSY = -7,
+    /*
+     The pose of the input is not finite, not a rotation, or beyond 1 km. No force.
+     */
+    PALPATE_STATUS_ERROR_INPUT = -8,
+    /*
+     A mistake inside the library. The port answers no force from then on.
+     */
+    PALPATE_STATUS_ERROR_INTERNAL = -9,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum palpate_status palpate_status;
+#else
+typedef int32_t palpate_status;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/*
+ The driver's end of a simulation.
+ */
+typedef struct palpate_port palpate_port;
+
+/*
+ A scene made ready, with the threads that simulate it.
+ */
+typedef struct palpate_simulation palpate_simulation;
+
+/*
+ How a simulation is set up. Set everything to zero, then struct_size, then what you want to change: zero means "as
+ the scene says", and where the scene says nothing, its default.
+ */
+typedef struct palpate_options {
+    /*
+     sizeof(palpate_options).
+     */
+    uint32_t struct_size;
+    /*
+     Worker threads of the step; 0: all cores. A driver that needs a core for itself leaves one free.
+     */
+    uint32_t threads;
+    /*
+     Rate at which the driver will call palpate_tick (Hz), 100 to 8000. The time between two ticks is measured; the
+     rate tunes the coupling between device and tool.
+     */
+    double rate;
+    /*
+     Largest force of the device (N). No larger one is ever sent.
+     */
+    double max_force;
+    /*
+     Largest torque of the device (N m). Without one here and in the scene no torque is sent.
+     */
+    double max_torque;
+    /*
+     Largest stiffness that the device renders in a loop at 1 kHz (N/m).
+     */
+    double max_stiffness;
+    /*
+     Largest damping that the device renders in a loop at 1 kHz (N s/m).
+     */
+    double max_damping;
+    /*
+     Largest change of force (N/s).
+     */
+    double force_slew;
+    /*
+     Largest change of torque (N m/s).
+     */
+    double torque_slew;
+    /*
+     Time from no force to full force after a start and after every interruption (s).
+     */
+    double fade_in;
+    /*
+     Age of the tissue's latest step at which the force begins to fade (s).
+     */
+    double stale_after;
+    /*
+     Age at which the force is zero (s), above stale_after.
+     */
+    double stale_zero;
+    /*
+     Time between two ticks that counts as an interruption (s).
+     */
+    double gap;
+    /*
+     Where the origin of the device's frame lies in the world (m). Counts only where axes are given.
+     */
+    double origin[3];
+    /*
+     Which way the device's x, y and z point in the world: 1, 2, 3 for x, y, z and -1, -2, -3 for the opposite. A
+     right-handed frame. All zero: origin and axes are the scene's.
+     */
+    int32_t axes[3];
+    /*
+     Always 0.
+     */
+    uint32_t reserved;
+    /*
+     Trace to write (MCAP), UTF-8; NULL: none.
+     */
+    const char *trace;
+} palpate_options;
+
+/*
+ A simulation so far. Set struct_size before the call; the library fills in the rest.
+ */
+typedef struct palpate_statistics_data {
+    /*
+     sizeof(palpate_statistics_data).
+     */
+    uint32_t struct_size;
+    /*
+     One of PALPATE_PHASE_...
+     */
+    uint32_t phase;
+    /*
+     Time of the latest tick since the start (s).
+     */
+    double time;
+    /*
+     Steps of the tissue.
+     */
+    uint64_t steps;
+    /*
+     Factors that have reached the step.
+     */
+    uint64_t factors;
+    /*
+     Ticks.
+     */
+    uint64_t ticks;
+    /*
+     Periods that the step missed.
+     */
+    uint64_t step_overruns;
+    /*
+     Periods of the nominal rate that passed without a tick between two ticks.
+     */
+    uint64_t tick_overruns;
+    /*
+     Contacts that found no room in the scene's capacity.
+     */
+    uint64_t contacts_dropped;
+    /*
+     Ticks that were cut by a limit of force, torque or slew.
+     */
+    uint64_t limited;
+    /*
+     Ticks that sent no force because a number or a pose was not sound.
+     */
+    uint64_t refused;
+    /*
+     Steps per second over the last second.
+     */
+    double step_rate;
+    /*
+     Factors per second over the last second.
+     */
+    double factor_rate;
+    /*
+     Ticks per second over the last second.
+     */
+    double tick_rate;
+    /*
+     Work of a step: median, 99th percentile, largest (s).
+     */
+    double step_work[3];
+    /*
+     Work of a tick: median, 99th percentile, largest (s).
+     */
+    double tick_work[3];
+    /*
+     Largest force that was sent (N).
+     */
+    double largest_force;
+    /*
+     Largest jump of the contact force at a new step of the tissue (N).
+     */
+    double largest_jump;
+    /*
+     Age of the factor at the latest step (s).
+     */
+    double factor_age;
+    /*
+     Contacts that carry force at the latest step.
+     */
+    uint32_t contacts;
+    /*
+     Always 0.
+     */
+    uint32_t reserved;
+} palpate_statistics_data;
+
+/*
+ What the device measured, in its own frame.
+ */
+typedef struct palpate_input {
+    /*
+     sizeof(palpate_input).
+     */
+    uint32_t struct_size;
+    /*
+     PALPATE_INPUT_... of what is measured beyond the pose, or 0.
+     */
+    uint32_t fields;
+    /*
+     Time of the measurement on the device's clock, which does not run backwards (ns). 0: the device has no clock, and
+     the time of the call counts.
+     */
+    uint64_t time_ns;
+    /*
+     Position of the end effector (m).
+     */
+    double position[3];
+    /*
+     Orientation of the end effector: a quaternion w, x, y, z of length 1. Four zeros: not turned, for devices that
+     measure no orientation.
+     */
+    double orientation[4];
+    /*
+     Velocity (m/s).
+     */
+    double velocity[3];
+    /*
+     Angular velocity (rad/s).
+     */
+    double angular_velocity[3];
+    /*
+     Switches, one bit each.
+     */
+    uint32_t buttons;
+    /*
+     Always 0.
+     */
+    uint32_t reserved;
+} palpate_input;
+
+/*
+ What a tick answers, in the device's frame. Set struct_size once; the library fills in the rest at every call.
+ */
+typedef struct palpate_output {
+    /*
+     sizeof(palpate_output).
+     */
+    uint32_t struct_size;
+    /*
+     PALPATE_TICK_... of what happened.
+     */
+    uint32_t flags;
+    /*
+     Number of the tick since the start.
+     */
+    uint64_t tick;
+    /*
+     Force on the hand, for the motors (N): after all limits, zero after every error.
+     */
+    double force[3];
+    /*
+     Torque on the hand about the tool's origin, for the motors (N m).
+     */
+    double torque[3];
+    /*
+     Contact force before limits and fades (N).
+     */
+    double contact_force[3];
+    /*
+     Position of the tool behind the coupling, on the skin where there is contact (m): what to draw.
+     */
+    double tool_position[3];
+    /*
+     Its orientation: quaternion w, x, y, z.
+     */
+    double tool_orientation[4];
+    /*
+     Smallest gap between tool and skin (m); infinite where none is watched.
+     */
+    double gap;
+    /*
+     Share of the contact force that is let through, 0 to 1.
+     */
+    double gain;
+    /*
+     Age of the tissue's latest step (s); infinite before the first.
+     */
+    double step_age;
+    /*
+     Time since the tick before that was counted with (s).
+     */
+    double dt;
+    /*
+     Work of this tick (s).
+     */
+    double work;
+    /*
+     Contacts that carry force.
+     */
+    uint32_t contacts;
+    /*
+     One of PALPATE_PHASE_...
+     */
+    uint32_t phase;
+} palpate_output;
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+/*
+ Version of the library, such as "0.1.0".
+ */
+const char *palpate_version(void);
+
+/*
+ What a status means, as a sentence. Never NULL; any number may be given.
+ */
+const char *palpate_status_text(int32_t status);
+
+/*
+ Why the last call in this thread failed, with place and remedy. Never NULL; empty before the first failure. Valid
+ until the next call that fails in this thread. palpate_tick does not write it: its status and flags say all.
+ */
+const char *palpate_last_error(void);
+
+/*
+ Reads a scene file, or the bundled scene of this name where no such file exists ("block", "liver"), and makes its
+ body ready. Takes as long as the scene needs for a mesh from an image: seconds.
+
+ `options` may be NULL. `*out` is NULL after an error.
+
+ The caller answers for this:
+ `scene` is NULL or a text closed by a zero; `options` NULL or a struct whose struct_size is right; `out` NULL or
+ writable.
+ */
+palpate_status palpate_create_from_file(const char *scene,
+                                        const struct palpate_options *options,
+                                        struct palpate_simulation **out);
+
+/*
+ The same from the text of a scene (TOML). Files that it names are looked for in `folder`; NULL: the working folder.
+
+ The caller answers for this:
+ As palpate_create_from_file, for `scene` and `folder`.
+ */
+palpate_status palpate_create_from_string(const char *scene,
+                                          const char *folder,
+                                          const struct palpate_options *options,
+                                          struct palpate_simulation **out);
+
+/*
+ Opens the port through which a driver ticks, with the body settled at rest; there is one at a time. After
+ palpate_stop another one can be opened, and the scene begins anew.
+
+ The caller answers for this:
+ `simulation` is NULL or was created and not destroyed; `out` NULL or writable.
+ */
+palpate_status palpate_open_port(const struct palpate_simulation *simulation,
+                                 struct palpate_port **out);
+
+/*
+ Starts the threads of a simulation that has a port.
+
+ The caller answers for this:
+ `simulation` is NULL or was created and not destroyed.
+ */
+palpate_status palpate_start(const struct palpate_simulation *simulation);
+
+/*
+ Halts the tissue; the force comes down to zero within the limits. The driver goes on ticking.
+
+ The caller answers for this:
+ `simulation` is NULL or was created and not destroyed.
+ */
+palpate_status palpate_pause(const struct palpate_simulation *simulation);
+
+/*
+ Lets the tissue go on after palpate_pause; the force comes back as a ramp.
+
+ The caller answers for this:
+ `simulation` is NULL or was created and not destroyed.
+ */
+palpate_status palpate_resume(const struct palpate_simulation *simulation);
+
+/*
+ Ends the threads and the trace, and waits for them: at most the time of a step and 0.1 s. The driver may go on
+ ticking meanwhile and afterwards; the force comes down to zero within the limits. A simulation whose body failed is
+ stopped without an error; palpate_statistics tells.
+
+ The caller answers for this:
+ `simulation` is NULL or was created and not destroyed.
+ */
+palpate_status palpate_stop(const struct palpate_simulation *simulation);
+
+/*
+ Counts, rates and tails so far, at most some 50 ms old. Any thread may ask at any time.
+
+ The caller answers for this:
+ `simulation` is NULL or was created and not destroyed; `out` NULL or a struct whose struct_size is right.
+ */
+palpate_status palpate_statistics(const struct palpate_simulation *simulation,
+                                  struct palpate_statistics_data *out);
+
+/*
+ Stops the simulation and frees it. Its port stays: its ticks send no force once the present one has come down, and
+ palpate_close_port frees it. NULL is allowed.
+
+ The caller answers for this:
+ `simulation` is NULL or was created and not destroyed, and no other thread uses it.
+ */
+palpate_status palpate_destroy(struct palpate_simulation *simulation);
+
+/*
+ Asks for a real-time priority for the calling thread, which is to tick. PALPATE_STATUS_NOTICE where the system does
+ not grant it; palpate_last_error tells the remedy.
+ */
+palpate_status palpate_raise_priority(void);
+
+/*
+ One tick: from what the device measured to the force for its motors.
+
+ Call it from one thread of the driver, at 100 Hz to 8 kHz. It allocates nothing, waits for nothing, and asks the
+ system for the time alone. `output` is filled whatever happens, as far as its struct_size reaches; after an error its
+ force and torque are zero.
+
+ The caller answers for this:
+ `port` is NULL or was opened and not closed; `input` and `output` are NULL or structs whose struct_size is right.
+ */
+palpate_status palpate_tick(const struct palpate_port *port,
+                            const struct palpate_input *input,
+                            struct palpate_output *output);
+
+/*
+ Frees a port, whether its simulation still lives or not. NULL is allowed.
+
+ The caller answers for this:
+ `port` is NULL or was opened and not closed, and no thread ticks with it.
+ */
+palpate_status palpate_close_port(struct palpate_port *port);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* PALPATE_H */

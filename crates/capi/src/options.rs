@@ -1,0 +1,153 @@
+//! How a simulation is set up.
+
+use std::ffi::{CStr, c_char};
+use std::mem::offset_of;
+use std::path::PathBuf;
+
+use palpate::drivers::place::{Direction, PlaceConfig};
+use palpate::run::RunOptions;
+use palpate::session::PortConfig;
+
+use crate::layout::Layout;
+use crate::status::{Status, fail};
+
+/// How a simulation is set up. Set everything to zero, then struct_size, then what you want to change: zero means "as
+/// the scene says", and where the scene says nothing, its default.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// sizeof(palpate_options).
+    pub struct_size: u32,
+    /// Worker threads of the step; 0: all cores. A driver that needs a core for itself leaves one free.
+    pub threads: u32,
+    /// Rate at which the driver will call palpate_tick (Hz), 100 to 8000. The time between two ticks is measured; the
+    /// rate tunes the coupling between device and tool.
+    pub rate: f64,
+    /// Largest force of the device (N). No larger one is ever sent.
+    pub max_force: f64,
+    /// Largest torque of the device (N m). Without one here and in the scene no torque is sent.
+    pub max_torque: f64,
+    /// Largest stiffness that the device renders in a loop at 1 kHz (N/m).
+    pub max_stiffness: f64,
+    /// Largest damping that the device renders in a loop at 1 kHz (N s/m).
+    pub max_damping: f64,
+    /// Largest change of force (N/s).
+    pub force_slew: f64,
+    /// Largest change of torque (N m/s).
+    pub torque_slew: f64,
+    /// Time from no force to full force after a start and after every interruption (s).
+    pub fade_in: f64,
+    /// Age of the tissue's latest step at which the force begins to fade (s).
+    pub stale_after: f64,
+    /// Age at which the force is zero (s), above stale_after.
+    pub stale_zero: f64,
+    /// Time between two ticks that counts as an interruption (s).
+    pub gap: f64,
+    /// Where the origin of the device's frame lies in the world (m). Counts only where axes are given.
+    pub origin: [f64; 3],
+    /// Which way the device's x, y and z point in the world: 1, 2, 3 for x, y, z and -1, -2, -3 for the opposite. A
+    /// right-handed frame. All zero: origin and axes are the scene's.
+    pub axes: [i32; 3],
+    /// Always 0.
+    pub reserved: u32,
+    /// Trace to write (MCAP), UTF-8; NULL: none.
+    pub trace: *const c_char,
+}
+
+// SAFETY: repr(C), numbers and a pointer that is only looked at where its text is wanted; LEAST is the offset of a field.
+unsafe impl Layout for Options {
+    const LEAST: usize = offset_of!(Self, max_force);
+
+    fn absent() -> Self {
+        Self {
+            struct_size: 0,
+            threads: 0,
+            rate: 0.0,
+            max_force: 0.0,
+            max_torque: 0.0,
+            max_stiffness: 0.0,
+            max_damping: 0.0,
+            force_slew: 0.0,
+            torque_slew: 0.0,
+            fade_in: 0.0,
+            stale_after: 0.0,
+            stale_zero: 0.0,
+            gap: 0.0,
+            origin: [0.0; 3],
+            axes: [0; 3],
+            reserved: 0,
+            trace: std::ptr::null(),
+        }
+    }
+}
+
+impl Options {
+    /// What the scene is changed by. A number that is not finite or negative is refused where it is checked.
+    pub(crate) fn port(&self) -> Result<PortConfig, Status> {
+        let given = |value: f64| (value != 0.0).then_some(value);
+        let place = match self.axes {
+            [0, 0, 0] => None,
+            axes => {
+                let mut directions = [Direction::X; 3];
+                for (direction, &axis) in directions.iter_mut().zip(&axes) {
+                    *direction = direction_of(axis)?;
+                }
+                Some(PlaceConfig { origin: self.origin, axes: directions })
+            }
+        };
+        Ok(PortConfig {
+            rate: given(self.rate),
+            max_force: given(self.max_force),
+            max_torque: given(self.max_torque),
+            max_stiffness: given(self.max_stiffness),
+            max_damping: given(self.max_damping),
+            force_slew: given(self.force_slew),
+            torque_slew: given(self.torque_slew),
+            fade_in: given(self.fade_in),
+            stale_after: given(self.stale_after),
+            stale_zero: given(self.stale_zero),
+            gap: given(self.gap),
+            place,
+        })
+    }
+
+    /// What the threads are started with.
+    ///
+    /// # Safety
+    /// `trace` is NULL or a text that is closed by a zero.
+    pub(crate) unsafe fn run(&self) -> Result<RunOptions, Status> {
+        let threads = (self.threads > 0).then_some(self.threads as usize);
+        // SAFETY: as the caller promises.
+        let trace = unsafe { text(self.trace) };
+        let trace = if self.trace.is_null() { None } else { Some(PathBuf::from(trace?)) };
+        Ok(RunOptions { threads, trace, ..RunOptions::default() })
+    }
+}
+
+fn direction_of(axis: i32) -> Result<Direction, Status> {
+    match axis {
+        1 => Ok(Direction::X),
+        2 => Ok(Direction::Y),
+        3 => Ok(Direction::Z),
+        -1 => Ok(Direction::MinusX),
+        -2 => Ok(Direction::MinusY),
+        -3 => Ok(Direction::MinusZ),
+        other => Err(fail(
+            Status::ErrorArgument,
+            &format!("axes: {other} is no axis; give 1, 2 or 3 for x, y or z of the world, negative for the opposite"),
+        )),
+    }
+}
+
+/// A text of the caller.
+///
+/// # Safety
+/// `text` is NULL or points to bytes that end with a zero and that nobody writes while the result is used.
+pub(crate) unsafe fn text<'a>(text: *const c_char) -> Result<&'a str, Status> {
+    if text.is_null() {
+        return Err(fail(Status::ErrorNull, "a text is NULL"));
+    }
+    // SAFETY: as the caller promises.
+    let text = unsafe { CStr::from_ptr(text) };
+    text.to_str().map_err(|e| fail(Status::ErrorArgument, &format!("a text is not UTF-8: {e}")))
+}

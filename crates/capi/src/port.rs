@@ -1,0 +1,310 @@
+//! The tick: what a driver calls in its own thread.
+
+use std::cell::UnsafeCell;
+use std::mem::{offset_of, size_of};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use palpate::haptics::wrench::Wrench;
+use palpate::session::clock::ClockEvent;
+use palpate::session::{Phase, Port as SessionPort, PortReport, PortSample};
+use palpate::tick::TickFlags;
+
+use crate::layout::{self, Layout};
+use crate::status::{Status, guarded};
+
+/// A new step of the tissue was taken over.
+pub const PALPATE_TICK_NEW_STEP: u32 = 1 << 0;
+/// The tissue has not made a step yet: no force.
+pub const PALPATE_TICK_NO_STEP: u32 = 1 << 1;
+/// The tissue stands still or has failed: the force comes down to zero.
+pub const PALPATE_TICK_AT_REST: u32 = 1 << 2;
+/// The tissue's latest step is old: the force fades, or is zero.
+pub const PALPATE_TICK_STALE: u32 = 1 << 3;
+/// The force is rising after a start or an interruption.
+pub const PALPATE_TICK_FADE_IN: u32 = 1 << 4;
+/// The force was cut to its limit.
+pub const PALPATE_TICK_FORCE_LIMITED: u32 = 1 << 5;
+/// The torque was cut to its limit.
+pub const PALPATE_TICK_TORQUE_LIMITED: u32 = 1 << 6;
+/// The change of the force or torque was cut to its limit.
+pub const PALPATE_TICK_SLEW_LIMITED: u32 = 1 << 7;
+/// A number of the tissue's answer was not finite: no force.
+pub const PALPATE_TICK_NON_FINITE: u32 = 1 << 8;
+/// The time since the tick before was an interruption: the force comes back as a ramp.
+pub const PALPATE_TICK_GAP: u32 = 1 << 10;
+/// The contact solver stopped above its tolerance.
+pub const PALPATE_TICK_NOT_CONVERGED: u32 = 1 << 11;
+/// Contacts were left out because there was no room for them.
+pub const PALPATE_TICK_TRUNCATED: u32 = 1 << 12;
+/// The input's pose was not finite, not a rotation, or beyond 1 km: no force.
+pub const PALPATE_TICK_BAD_POSE: u32 = 1 << 13;
+/// The device's clock stood still, ran backwards, or did not keep pace: the library's own was used.
+pub const PALPATE_TICK_CLOCK: u32 = 1 << 30;
+/// The call itself was refused: see the status.
+pub const PALPATE_TICK_REFUSED: u32 = 1 << 31;
+
+const _: () = {
+    assert!(PALPATE_TICK_NEW_STEP == TickFlags::NEW_SNAPSHOT.bits());
+    assert!(PALPATE_TICK_NO_STEP == TickFlags::NO_SNAPSHOT.bits());
+    assert!(PALPATE_TICK_AT_REST == TickFlags::INVALID_SNAPSHOT.bits());
+    assert!(PALPATE_TICK_STALE == TickFlags::STALE.bits());
+    assert!(PALPATE_TICK_FADE_IN == TickFlags::FADE_IN.bits());
+    assert!(PALPATE_TICK_FORCE_LIMITED == TickFlags::FORCE_LIMITED.bits());
+    assert!(PALPATE_TICK_TORQUE_LIMITED == TickFlags::TORQUE_LIMITED.bits());
+    assert!(PALPATE_TICK_SLEW_LIMITED == TickFlags::SLEW_LIMITED.bits());
+    assert!(PALPATE_TICK_NON_FINITE == TickFlags::NON_FINITE.bits());
+    assert!(PALPATE_TICK_GAP == TickFlags::GAP.bits());
+    assert!(PALPATE_TICK_NOT_CONVERGED == TickFlags::NOT_CONVERGED.bits());
+    assert!(PALPATE_TICK_TRUNCATED == TickFlags::TRUNCATED.bits());
+    assert!(PALPATE_TICK_BAD_POSE == TickFlags::BAD_POSE.bits());
+};
+
+/// The field velocity and angular_velocity of the input are measured. Without it the library finds them from the poses.
+pub const PALPATE_INPUT_VELOCITY: u32 = 1 << 0;
+
+/// What the device measured, in its own frame.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct Input {
+    /// sizeof(palpate_input).
+    pub struct_size: u32,
+    /// PALPATE_INPUT_... of what is measured beyond the pose, or 0.
+    pub fields: u32,
+    /// Time of the measurement on the device's clock, which does not run backwards (ns). 0: the device has no clock, and
+    /// the time of the call counts.
+    pub time_ns: u64,
+    /// Position of the end effector (m).
+    pub position: [f64; 3],
+    /// Orientation of the end effector: a quaternion w, x, y, z of length 1. Four zeros: not turned, for devices that
+    /// measure no orientation.
+    pub orientation: [f64; 4],
+    /// Velocity (m/s).
+    pub velocity: [f64; 3],
+    /// Angular velocity (rad/s).
+    pub angular_velocity: [f64; 3],
+    /// Switches, one bit each.
+    pub buttons: u32,
+    /// Always 0.
+    pub reserved: u32,
+}
+
+// SAFETY: repr(C), plain numbers; LEAST is the offset of a field.
+unsafe impl Layout for Input {
+    const LEAST: usize = offset_of!(Self, velocity);
+
+    fn absent() -> Self {
+        Self {
+            struct_size: 0,
+            fields: 0,
+            time_ns: 0,
+            position: [0.0; 3],
+            orientation: [0.0; 4],
+            velocity: [0.0; 3],
+            angular_velocity: [0.0; 3],
+            buttons: 0,
+            reserved: 0,
+        }
+    }
+}
+
+impl Input {
+    /// A struct of a caller that knows no velocity has none, whatever its flags say.
+    fn has_velocity(&self) -> bool {
+        let whole = self.struct_size as usize >= offset_of!(Self, buttons);
+        whole && self.fields & PALPATE_INPUT_VELOCITY != 0
+    }
+
+    fn sample(&self) -> PortSample {
+        PortSample {
+            time_ns: (self.time_ns != 0).then_some(self.time_ns),
+            position: self.position,
+            orientation: if self.orientation == [0.0; 4] { [1.0, 0.0, 0.0, 0.0] } else { self.orientation },
+            velocity: self.has_velocity().then_some([self.velocity, self.angular_velocity]),
+            buttons: self.buttons,
+        }
+    }
+}
+
+/// What a tick answers, in the device's frame. Set struct_size once; the library fills in the rest at every call.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct Output {
+    /// sizeof(palpate_output).
+    pub struct_size: u32,
+    /// PALPATE_TICK_... of what happened.
+    pub flags: u32,
+    /// Number of the tick since the start.
+    pub tick: u64,
+    /// Force on the hand, for the motors (N): after all limits, zero after every error.
+    pub force: [f64; 3],
+    /// Torque on the hand about the tool's origin, for the motors (N m).
+    pub torque: [f64; 3],
+    /// Contact force before limits and fades (N).
+    pub contact_force: [f64; 3],
+    /// Position of the tool behind the coupling, on the skin where there is contact (m): what to draw.
+    pub tool_position: [f64; 3],
+    /// Its orientation: quaternion w, x, y, z.
+    pub tool_orientation: [f64; 4],
+    /// Smallest gap between tool and skin (m); infinite where none is watched.
+    pub gap: f64,
+    /// Share of the contact force that is let through, 0 to 1.
+    pub gain: f64,
+    /// Age of the tissue's latest step (s); infinite before the first.
+    pub step_age: f64,
+    /// Time since the tick before that was counted with (s).
+    pub dt: f64,
+    /// Work of this tick (s).
+    pub work: f64,
+    /// Contacts that carry force.
+    pub contacts: u32,
+    /// One of PALPATE_PHASE_...
+    pub phase: u32,
+}
+
+// SAFETY: repr(C), plain numbers; LEAST is the offset of a field.
+unsafe impl Layout for Output {
+    const LEAST: usize = offset_of!(Self, contact_force);
+
+    fn absent() -> Self {
+        Self {
+            struct_size: 0,
+            flags: PALPATE_TICK_REFUSED,
+            tick: 0,
+            force: [0.0; 3],
+            torque: [0.0; 3],
+            contact_force: [0.0; 3],
+            tool_position: [0.0; 3],
+            tool_orientation: [1.0, 0.0, 0.0, 0.0],
+            gap: f64::INFINITY,
+            gain: 0.0,
+            step_age: f64::INFINITY,
+            dt: 0.0,
+            work: 0.0,
+            contacts: 0,
+            phase: Phase::Failed as u32,
+        }
+    }
+}
+
+impl Output {
+    fn new(report: &PortReport, contact: &Wrench) -> Self {
+        let r = &report.record;
+        let clock = if report.clock == ClockEvent::Sound { 0 } else { PALPATE_TICK_CLOCK };
+        let [x, y, z, w]: [f64; 4] = report.tool.rotation.coords.into();
+        Self {
+            struct_size: size_of::<Self>() as u32,
+            flags: r.flags.bits() | clock,
+            tick: r.index,
+            force: report.wrench.force.into(),
+            torque: report.wrench.torque.into(),
+            contact_force: contact.force.into(),
+            tool_position: report.tool.translation.vector.into(),
+            tool_orientation: [w, x, y, z],
+            gap: if r.contacts > 0 { r.gap } else { f64::INFINITY },
+            gain: r.gain,
+            step_age: r.snapshot_age,
+            dt: report.dt,
+            work: report.work,
+            contacts: r.active,
+            phase: report.phase as u32,
+        }
+    }
+}
+
+/// The driver's end of a simulation.
+pub struct Port {
+    busy: AtomicBool,
+    /// A tick has panicked: the state is not to be trusted any more.
+    broken: AtomicBool,
+    port: UnsafeCell<SessionPort>,
+}
+
+impl Port {
+    pub(crate) fn new(port: SessionPort) -> Self {
+        Self { busy: AtomicBool::new(false), broken: AtomicBool::new(false), port: UnsafeCell::new(port) }
+    }
+
+    /// Takes the port for one tick, or answers that another thread has it.
+    fn tick(&self, input: Result<Input, Status>) -> (Output, Status) {
+        if self.busy.swap(true, Ordering::Acquire) {
+            return (Output::absent(), Status::ErrorBusy);
+        }
+        let _free = Free(&self.busy);
+        if self.broken.load(Ordering::Relaxed) {
+            return (Output::absent(), Status::ErrorInternal);
+        }
+        // SAFETY: `busy` lets one thread in at a time, and Acquire and Release order what they do.
+        let port = unsafe { &mut *self.port.get() };
+        let outcome = catch_unwind(AssertUnwindSafe(|| answer(port, input)));
+        outcome.unwrap_or_else(|_| {
+            self.broken.store(true, Ordering::Relaxed);
+            (Output::absent(), Status::ErrorInternal)
+        })
+    }
+}
+
+struct Free<'a>(&'a AtomicBool);
+
+impl Drop for Free<'_> {
+    fn drop(&mut self) {
+        self.0.store(false, Ordering::Release);
+    }
+}
+
+fn answer(port: &mut SessionPort, input: Result<Input, Status>) -> (Output, Status) {
+    // Without an input there is no pose: the force is cut, and comes back as a ramp.
+    let no_pose = Input { position: [f64::NAN; 3], ..Input::absent() };
+    let report = port.tick(&input.unwrap_or(no_pose).sample());
+    let contact = port.place().wrench_in_device(&report.record.contact_wrench);
+    let mut output = Output::new(&report, &contact);
+    let quiet = output.flags & !PALPATE_TICK_NEW_STEP == 0;
+    match input {
+        Err(status) => {
+            output.flags |= PALPATE_TICK_REFUSED;
+            (output, status)
+        }
+        Ok(_) if report.record.flags.contains(TickFlags::BAD_POSE) => (output, Status::ErrorInput),
+        Ok(_) => (output, if quiet { Status::Ok } else { Status::Notice }),
+    }
+}
+
+/// One tick: from what the device measured to the force for its motors.
+///
+/// Call it from one thread of the driver, at 100 Hz to 8 kHz. It allocates nothing, waits for nothing, and asks the
+/// system for the time alone. `output` is filled whatever happens, as far as its struct_size reaches; after an error its
+/// force and torque are zero.
+///
+/// # Safety
+/// `port` is NULL or was opened and not closed; `input` and `output` are NULL or structs whose struct_size is right.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_tick(port: *const Port, input: *const Input, output: *mut Output) -> Status {
+    // A force that cannot arrive must not be taken for sent.
+    // SAFETY: as the caller promises.
+    let input = unsafe { layout::room(output).and_then(|()| layout::read(input)) };
+    // SAFETY: as the caller promises.
+    let (answer, status) = match unsafe { port.as_ref() } {
+        None => (Output::absent(), Status::ErrorNull),
+        Some(port) => port.tick(input),
+    };
+    // SAFETY: as the caller promises.
+    match unsafe { layout::write(output, &answer) } {
+        Ok(()) => status,
+        Err(refused) => refused,
+    }
+}
+
+/// Frees a port, whether its simulation still lives or not. NULL is allowed.
+///
+/// # Safety
+/// `port` is NULL or was opened and not closed, and no thread ticks with it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_close_port(port: *mut Port) -> Status {
+    guarded(|| {
+        if !port.is_null() {
+            // SAFETY: it was made by Box::into_raw, and nobody uses it any more.
+            drop(unsafe { Box::from_raw(port) });
+        }
+        Status::Ok
+    })
+}

@@ -1,0 +1,110 @@
+//! What a simulation was like so far.
+
+use std::mem::offset_of;
+
+use palpate::session::{Phase, Statistics as Session};
+
+use crate::layout::Layout;
+
+/// Phase of a simulation that has a port and has not been started.
+pub const PALPATE_PHASE_READY: u32 = 0;
+/// The tissue moves.
+pub const PALPATE_PHASE_RUNNING: u32 = 1;
+/// The tissue stands still and gives no force.
+pub const PALPATE_PHASE_PAUSED: u32 = 2;
+/// Stopped.
+pub const PALPATE_PHASE_STOPPED: u32 = 3;
+/// Ended by itself: the body became non-finite or was torn apart, or a thread failed. palpate_stop, then
+/// palpate_last_error tell why.
+pub const PALPATE_PHASE_FAILED: u32 = 4;
+
+const _: () = {
+    assert!(PALPATE_PHASE_READY == Phase::Ready as u32 && PALPATE_PHASE_RUNNING == Phase::Running as u32);
+    assert!(PALPATE_PHASE_PAUSED == Phase::Paused as u32 && PALPATE_PHASE_STOPPED == Phase::Stopped as u32);
+    assert!(PALPATE_PHASE_FAILED == Phase::Failed as u32);
+};
+
+/// A simulation so far. Set struct_size before the call; the library fills in the rest.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct Statistics {
+    /// sizeof(palpate_statistics_data).
+    pub struct_size: u32,
+    /// One of PALPATE_PHASE_...
+    pub phase: u32,
+    /// Time of the latest tick since the start (s).
+    pub time: f64,
+    /// Steps of the tissue.
+    pub steps: u64,
+    /// Factors that have reached the step.
+    pub factors: u64,
+    /// Ticks.
+    pub ticks: u64,
+    /// Periods that the step missed.
+    pub step_overruns: u64,
+    /// Periods of the nominal rate that passed without a tick between two ticks.
+    pub tick_overruns: u64,
+    /// Contacts that found no room in the scene's capacity.
+    pub contacts_dropped: u64,
+    /// Ticks that were cut by a limit of force, torque or slew.
+    pub limited: u64,
+    /// Ticks that sent no force because a number or a pose was not sound.
+    pub refused: u64,
+    /// Steps per second over the last second.
+    pub step_rate: f64,
+    /// Factors per second over the last second.
+    pub factor_rate: f64,
+    /// Ticks per second over the last second.
+    pub tick_rate: f64,
+    /// Work of a step: median, 99th percentile, largest (s).
+    pub step_work: [f64; 3],
+    /// Work of a tick: median, 99th percentile, largest (s).
+    pub tick_work: [f64; 3],
+    /// Largest force that was sent (N).
+    pub largest_force: f64,
+    /// Largest jump of the contact force at a new step of the tissue (N).
+    pub largest_jump: f64,
+    /// Age of the factor at the latest step (s).
+    pub factor_age: f64,
+    /// Contacts that carry force at the latest step.
+    pub contacts: u32,
+    /// Always 0.
+    pub reserved: u32,
+}
+
+// SAFETY: repr(C), plain numbers; LEAST is the offset of a field.
+unsafe impl Layout for Statistics {
+    const LEAST: usize = offset_of!(Self, time);
+
+    fn absent() -> Self {
+        Self::new(&Session::default(), Phase::Ready)
+    }
+}
+
+impl Statistics {
+    pub(crate) fn new(s: &Session, phase: Phase) -> Self {
+        Self {
+            struct_size: 0,
+            phase: phase as u32,
+            time: s.time,
+            steps: s.steps,
+            factors: s.factors,
+            ticks: s.ticks,
+            step_overruns: s.step_overruns,
+            tick_overruns: s.tick_overruns,
+            contacts_dropped: s.contacts_dropped,
+            limited: s.limited,
+            refused: s.refused,
+            step_rate: s.rates[0],
+            factor_rate: s.rates[1],
+            tick_rate: s.rates[2],
+            step_work: [s.step_work.p50, s.step_work.p99, s.step_work.max],
+            tick_work: [s.tick_work.p50, s.tick_work.p99, s.tick_work.max],
+            largest_force: s.largest_force,
+            largest_jump: s.largest_jump,
+            factor_age: s.factor_age,
+            contacts: s.contacts,
+            reserved: 0,
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! Does the program run a scene on hardware, and say what it finds?
+//!
+//! The hardware is a library compiled from C that speaks the vendor's interface. Says so and returns where there is no
+//! compiler.
+
+#![cfg(unix)] // shared libraries by their Unix names
+#![allow(clippy::print_stdout)] // why a test was skipped
+
+mod program_runs;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use palpate::trace::{TickFlags, Trace};
+use program_runs::{Place, SCENE};
+use serde_json::Value;
+
+/// The scene without a path for the hand, on this device.
+fn scene(device: &str) -> String {
+    let (scene, _) = SCENE.split_once("[hand]").unwrap();
+    format!("{scene}[device]\norigin = [0.0, 0.0, 0.044]\n{device}\n")
+}
+
+const HARDWARE: &str = "kind = \"force_dimension\"\nlibrary = \"./libdhd.so\"";
+
+/// A folder with the scene and the vendor's library; `None`, with a printed reason, where there is no compiler.
+fn place() -> Option<Place> {
+    let place = Place::with(&scene(HARDWARE));
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../devices/tests/stand_in/dhd.c");
+    let mut command = Command::new("cc");
+    command.args(["-shared", "-fPIC"]).arg(source).arg("-o").arg(place.path("libdhd.so")).arg("-lm");
+    match command.output() {
+        Ok(output) => assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr)),
+        Err(error) => {
+            println!("skipped: there is no C compiler here: {error}");
+            return None;
+        }
+    }
+    Some(place)
+}
+
+/// The program in the folder, with the hand 10 mm below the device's origin.
+fn run(folder: &Path, words: &str, environment: &[(&str, &str)]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+    command.args(words.split_whitespace()).current_dir(folder).env("STAND_IN_HAND", "0 0 -0.01");
+    command.envs(environment.iter().copied()).output().unwrap()
+}
+
+fn folder(place: &Place) -> PathBuf {
+    place.path("scene.toml").parent().unwrap().to_path_buf()
+}
+
+fn norm(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+#[test]
+fn a_scene_on_hardware_feels_the_body_and_its_trace_replays_to_the_bit_and_as_a_device() {
+    let Some(place) = place() else { return };
+    let output = run(&folder(&place), "run scene.toml --json --threads 1", &[]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&summary["end"], &summary["mode"]), (&"completed".into(), &"real time".into()));
+    let trace = Trace::load(place.path("small.mcap")).unwrap();
+    let last = trace.ticks.last().unwrap();
+    // In the world the device's origin lies at 44 mm, and the ball touches at 40.
+    assert!(last.device_position[2] < 0.040 && last.device_position[2] > 0.033, "{:?}", last.device_position);
+    assert!(last.force[2] > 0.05 && norm(last.force) < 12.0, "{:?}", last.force);
+    // The stand-in is turned by a right angle about z.
+    let turned = last.device_orientation.map(f64::abs);
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    assert!(norm([turned[0], turned[1], turned[2] - half]) < 1e-9, "{turned:?}");
+
+    let output = run(&folder(&place), "replay small.mcap", &[]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+
+    std::fs::write(place.path("again.toml"), scene("kind = \"replay\"\ntrace = \"small.mcap\"").replace("origin", "#"))
+        .unwrap();
+    let output = run(&folder(&place), "run again.toml --lockstep --trace again.mcap --threads 1", &[]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let again = Trace::load(place.path("again.mcap")).unwrap();
+    let end = again.ticks.last().unwrap();
+    let gap: [f64; 3] = std::array::from_fn(|i| end.device_position[i] - last.device_position[i]);
+    // The ends of both runs lie less than a late tick apart, in which the hand is nearly at rest.
+    assert!(norm(gap) < 1e-3 && end.force[2] > 0.05, "{gap:?} {:?}", end.force);
+}
+
+#[test]
+fn hardware_that_is_unplugged_in_mid_run_gets_no_force_and_the_run_ends_in_order() {
+    let Some(place) = place() else { return };
+    let output = run(&folder(&place), "run scene.toml --json --threads 1", &[("STAND_IN_UNPLUG", "200")]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(summary["end"], "completed");
+    assert!(summary["notes"].to_string().contains("the device is not connected"), "{}", summary["notes"]);
+    let trace = Trace::load(place.path("small.mcap")).unwrap();
+    let first = trace.ticks.iter().position(|tick| tick.flags.contains(TickFlags::DEVICE_MISSING)).unwrap();
+    // One of the 200 poses told where the tool is before the first step.
+    assert_eq!(first, 199);
+    assert!(trace.ticks[first..].iter().all(|tick| tick.force == [0.0; 3] && tick.torque == [0.0; 3]));
+}
+
+#[test]
+fn hardware_that_is_not_there_is_a_mistake_with_its_remedy() {
+    let place = Place::with(&scene("kind = \"force_dimension\"\nlibrary = \"./nowhere.so\""));
+    let output = run(&folder(&place), "run scene.toml --no-trace", &[]);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && message.contains("nowhere.so"), "{message}");
+    assert!(message.contains("device.library"), "{message}");
+    let output = run(&folder(&place), "run scene.toml --no-trace --lockstep", &[]);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && message.contains("no virtual time"), "{message}");
+    for (device, word) in [
+        ("kind = \"haply\"\nlibrary = \"./libdhd.so\"", "no effect"),
+        ("kind = \"force-dimension\"", "did you mean `force_dimension`?"),
+        ("kind = \"haply\"\naxes = [\"y\", \"x\", \"z\"]", "cross product"),
+        ("kind = \"virtual\"", "no effect"),
+        ("kind = \"haply\"\npreset = \"touch\"\nrecord = { name = \"x\" }", "record"),
+    ] {
+        std::fs::write(place.path("scene.toml"), scene(device)).unwrap();
+        let output = run(&folder(&place), "check scene.toml", &[]);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && message.contains(word), "{device}: {message}");
+    }
+    std::fs::write(place.path("scene.toml"), scene("kind = \"port\"")).unwrap();
+    let output = run(&folder(&place), "run scene.toml --no-trace", &[]);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && message.contains("ticks through the library"), "{message}");
+}
+
+#[test]
+fn devices_are_listed_with_why_not_for_those_that_are_not_found() {
+    let Some(place) = place() else { return };
+    let output = run(&folder(&place), "devices --dhd ./libdhd.so --hd ./nowhere.so --haply ws://127.0.0.1:1", &[]);
+    assert!(output.status.success());
+    let text = String::from_utf8(output.stdout).unwrap();
+    let line =
+        |name: &str| text.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{name}: {text}"));
+    assert!(line("virtual").contains("built in") && line("scripted").contains("built in"));
+    assert!(line("port").contains("C library") && line("replay").contains("trace"));
+    assert!(line("force_dimension").contains(" found ") && line("force_dimension").contains("1 connected"));
+    assert!(line("openhaptics").contains("not found") && line("openhaptics").contains("nowhere.so"));
+    assert!(line("haply").contains("not found") && line("haply").contains("refused"));
+}

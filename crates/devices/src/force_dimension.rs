@@ -1,0 +1,265 @@
+//! Force Dimension's devices (omega, delta, sigma, lambda), and the Falcon, through the vendor's DHD library.
+//!
+//! Functions and constants are those of `dhdc.h` of the SDK 3.7 to 3.17: metres, newtons, the number of the device as
+//! last argument, a negative answer for an error, and positive ones (`DHD_TIMEGUARD`, `DHD_MOTOR_SATURATED`) that are none.
+//! The library is called on the tick thread: a call is one exchange over USB, which is what paces it. Gravity compensation
+//! and the velocity threshold that brakes the device stay as the device is configured.
+
+// The vendor's functions.
+#![allow(unsafe_code)]
+
+use std::ffi::{CStr, c_char, c_double, c_int, c_uchar, c_uint};
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
+use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, Freedoms, HapticDevice, TickTime};
+use palpate_haptics::wrench::{Twist, Wrench};
+
+use crate::error::DriverError;
+use crate::library::{Origin, VendorLibrary};
+use crate::{Driver, DriverConfig, Opened};
+
+/// Line in the register of drivers.
+pub const DRIVER: Driver = Driver {
+    name: "force_dimension",
+    summary: "omega, delta, sigma, lambda and Falcon, through Force Dimension's DHD library",
+    real_time: true,
+    own_frame: true,
+    keys: &["library"],
+    open,
+    probe,
+};
+
+const VENDOR: &str = "Force Dimension";
+
+const ORIGIN: Origin = Origin {
+    vendor: VENDOR,
+    names: if cfg!(windows) {
+        &["dhd64.dll", "drd64.dll"]
+    } else if cfg!(target_os = "macos") {
+        &["libdhd.dylib", "libdrd.dylib"]
+    } else {
+        // DRD contains DHD, and is what some installations have alone.
+        &["libdhd.so.3", "libdhd.so", "libdrd.so.3", "libdrd.so"]
+    },
+    remedy: "`device.library` in the scene or --dhd",
+};
+
+/// `dhd_errors` of `dhdc.h`: the ones that mean that the device is gone, and the one that means that it is slow.
+const ERROR_COM: c_int = 2;
+const ERROR_NO_DEVICE: c_int = 5;
+const ERROR_TIMEOUT: c_int = 7;
+const ERROR_NOT_READY: c_int = 12;
+
+/// Declares the functions that are used, each once.
+macro_rules! functions {
+    ($($field:ident = $symbol:literal: fn($($argument:ty),*) -> $answer:ty;)*) => {
+        #[derive(Clone, Copy)]
+        struct Functions {
+            $($field: unsafe extern "C" fn($($argument),*) -> $answer,)*
+        }
+
+        impl Functions {
+            fn of(library: &VendorLibrary) -> Result<Self, DriverError> {
+                // SAFETY: the signatures are those of `dhdc.h`; the library is kept beside the functions.
+                Ok(unsafe { Self { $($field: library.function($symbol)?,)* } })
+            }
+        }
+    };
+}
+
+functions! {
+    device_count = "dhdGetDeviceCount": fn() -> c_int;
+    open = "dhdOpen": fn() -> c_int;
+    close = "dhdClose": fn(c_char) -> c_int;
+    last_error = "dhdErrorGetLast": fn() -> c_int;
+    error_text = "dhdErrorGetStr": fn(c_int) -> *const c_char;
+    system_type = "dhdGetSystemType": fn(c_char) -> c_int;
+    system_name = "dhdGetSystemName": fn(c_char) -> *const c_char;
+    has_wrist = "dhdHasWrist": fn(c_char) -> bool;
+    has_active_wrist = "dhdHasActiveWrist": fn(c_char) -> bool;
+    has_gripper = "dhdHasGripper": fn(c_char) -> bool;
+    enable_force = "dhdEnableForce": fn(c_uchar, c_char) -> c_int;
+    pose = "dhdGetPositionAndOrientationFrame":
+        fn(*mut c_double, *mut c_double, *mut c_double, *mut [[c_double; 3]; 3], c_char) -> c_int;
+    velocity = "dhdGetLinearVelocity": fn(*mut c_double, *mut c_double, *mut c_double, c_char) -> c_int;
+    angular_velocity = "dhdGetAngularVelocityRad": fn(*mut c_double, *mut c_double, *mut c_double, c_char) -> c_int;
+    buttons = "dhdGetButtonMask": fn(c_char) -> c_uint;
+    set_wrench = "dhdSetForceAndTorqueAndGripperForce":
+        fn(c_double, c_double, c_double, c_double, c_double, c_double, c_double, c_char) -> c_int;
+}
+
+impl Functions {
+    /// What the vendor says about the last error of this thread.
+    fn reason(&self) -> (c_int, String) {
+        // SAFETY: no arguments; the text is the library's and is read at once.
+        let (code, text) = unsafe {
+            let code = (self.last_error)();
+            (code, (self.error_text)(code))
+        };
+        // SAFETY: as above; NULL is looked for.
+        (code, unsafe { text_of(text) })
+    }
+
+    /// The error of a call that has failed in mid-run.
+    fn error(&self) -> DeviceError {
+        // SAFETY: no arguments.
+        match unsafe { (self.last_error)() } {
+            ERROR_COM | ERROR_NO_DEVICE | ERROR_NOT_READY => DeviceError::Disconnected,
+            ERROR_TIMEOUT => DeviceError::Timeout,
+            code => DeviceError::Driver(code),
+        }
+    }
+}
+
+/// A text of the library.
+///
+/// # Safety
+/// `text` is NULL or closed by a zero.
+unsafe fn text_of(text: *const c_char) -> String {
+    if text.is_null() {
+        return "no name".into();
+    }
+    // SAFETY: as the caller promises.
+    unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
+}
+
+/// An open device.
+struct ForceDimension {
+    functions: Functions,
+    /// Keeps the functions loaded.
+    _library: VendorLibrary,
+    id: c_char,
+    spec: DeviceSpec,
+    open: bool,
+}
+
+fn open(config: &DriverConfig) -> Opened {
+    let library = VendorLibrary::open(&ORIGIN, config.library.as_deref())?;
+    let functions = Functions::of(&library)?;
+    // SAFETY: no arguments.
+    let id = unsafe { (functions.open)() };
+    if id < 0 {
+        return Err(DriverError::NoDevice { vendor: VENDOR, reason: functions.reason().1 });
+    }
+    // A number of a device fits in the vendor's own type for it.
+    let id = id as c_char;
+    let spec = spec(&functions, id);
+    let device = ForceDimension { functions, _library: library, id, spec, open: true };
+    // SAFETY: the device is open.
+    if unsafe { (functions.enable_force)(1, id) } < 0 {
+        let reason = format!("forces cannot be enabled: {}", functions.reason().1);
+        return Err(DriverError::NoDevice { vendor: VENDOR, reason });
+    }
+    Ok(Box::new(device))
+}
+
+fn probe(config: &DriverConfig) -> Result<String, DriverError> {
+    let library = VendorLibrary::open(&ORIGIN, config.library.as_deref())?;
+    let functions = Functions::of(&library)?;
+    // SAFETY: no arguments.
+    match unsafe { (functions.device_count)() } {
+        count if count > 0 => Ok(format!("{count} connected")),
+        0 => Err(DriverError::NoDevice { vendor: VENDOR, reason: "none is connected".into() }),
+        _ => Err(DriverError::NoDevice { vendor: VENDOR, reason: functions.reason().1 }),
+    }
+}
+
+/// The record of the open device: CHAI3D's figures for its type. A type that is not known gets those of the weakest
+/// device of the table, which a scene's own `record` replaces.
+fn spec(functions: &Functions, id: c_char) -> DeviceSpec {
+    // SAFETY: the device is open, and the text is read at once.
+    let (kind, name, senses, drives, gripper) = unsafe {
+        (
+            (functions.system_type)(id),
+            text_of((functions.system_name)(id)),
+            (functions.has_wrist)(id),
+            (functions.has_active_wrist)(id),
+            (functions.has_gripper)(id),
+        )
+    };
+    let preset = match kind {
+        33 => "omega.3",
+        34 | 36 => "omega.6",
+        35 | 37 => "omega.7",
+        63 => "delta.3",
+        104..=107 => "sigma.7",
+        60 => "falcon",
+        _ => "touch",
+    };
+    // Every name above is in the table.
+    let known = DeviceSpec::preset(preset).unwrap_or_else(|_| DeviceSpec::virtual_device(0.0));
+    let freedoms = Freedoms {
+        senses_rotation: senses,
+        drives_torque: drives && known.max_torque > 0.0,
+        gripper,
+        ..known.freedoms
+    };
+    DeviceSpec { name, freedoms, ..known }
+}
+
+impl HapticDevice for ForceDimension {
+    fn spec(&self) -> &DeviceSpec {
+        &self.spec
+    }
+
+    fn read(&mut self, tick: TickTime) -> Result<DeviceSample, DeviceError> {
+        if !self.open {
+            return Err(DeviceError::Closed);
+        }
+        let f = &self.functions;
+        let [mut p, mut v, mut w] = [[0.0; 3]; 3];
+        let mut frame = [[0.0; 3]; 3];
+        // SAFETY: the device is open; each pointer is to a number, or three by three of them, of this function.
+        let answers = unsafe {
+            [
+                (f.pose)(&raw mut p[0], &raw mut p[1], &raw mut p[2], &raw mut frame, self.id),
+                (f.velocity)(&raw mut v[0], &raw mut v[1], &raw mut v[2], self.id),
+                if self.spec.freedoms.senses_rotation {
+                    (f.angular_velocity)(&raw mut w[0], &raw mut w[1], &raw mut w[2], self.id)
+                } else {
+                    0
+                },
+            ]
+        };
+        if answers.iter().any(|&answer| answer < 0) {
+            return Err(f.error());
+        }
+        // Rows of C are the rows of the matrix.
+        let matrix = Matrix3::from_fn(|i, j| frame[i][j]);
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
+        Ok(DeviceSample {
+            time: tick.time,
+            pose: Isometry3::from_parts(Translation3::from(p), rotation),
+            velocity: Twist { linear: v.into(), angular: w.into() },
+            // SAFETY: the device is open.
+            buttons: unsafe { (f.buttons)(self.id) },
+        })
+    }
+
+    fn write(&mut self, wrench: Wrench) -> Result<(), DeviceError> {
+        if !self.open {
+            return Err(DeviceError::Closed);
+        }
+        let (f, t) = (wrench.force, wrench.torque);
+        // SAFETY: the device is open. The gripper gets no force.
+        let answer = unsafe { (self.functions.set_wrench)(f.x, f.y, f.z, t.x, t.y, t.z, 0.0, self.id) };
+        if answer < 0 { Err(self.functions.error()) } else { Ok(()) }
+    }
+
+    fn close(&mut self) {
+        if std::mem::take(&mut self.open) {
+            // SAFETY: the device was open until now. One that has gone answers errors, which nobody needs.
+            unsafe {
+                (self.functions.set_wrench)(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, self.id);
+                (self.functions.enable_force)(0, self.id);
+                (self.functions.close)(self.id);
+            }
+        }
+    }
+}
+
+impl Drop for ForceDimension {
+    fn drop(&mut self) {
+        self.close();
+    }
+}

@@ -1,0 +1,142 @@
+//! The multifrontal factor against faer's own numeric factorisation over the same supernodes, and its bits for any number
+//! of threads.
+
+mod factor_bodies;
+
+use std::sync::Arc;
+
+use factor_bodies::{Body, Random, relative_difference};
+use nalgebra::Matrix3;
+use palpate_fem::factor::{Factor, FactorStatus, LeftLookingFactor, SolveWorkspace, SymbolicFactor};
+use palpate_fem::ordering::{NodeOrdering, approximate_minimum_degree, plane_dissection};
+use palpate_fem::pcg::{PcgConfig, PcgStatus, PcgWorkspace, pcg};
+use palpate_fem::preconditioner::WarpedPreconditioner;
+
+fn shuffled(nodes: usize, seed: u64) -> NodeOrdering {
+    let mut random = Random(seed);
+    let mut order: Vec<u32> = (0..nodes as u32).collect();
+    (1..nodes).rev().for_each(|i| order.swap(i, random.below(i + 1)));
+    NodeOrdering::from_elimination_order(order).unwrap()
+}
+
+#[test]
+fn equals_the_left_looking_factor_for_any_ordering() {
+    // one and several panels in the root front, split and unsplit trees, one node
+    for (cells, seed) in [([1, 1, 1], 1), ([4, 3, 5], 2), ([9, 9, 8], 3), ([40, 2, 2], 4)] {
+        let body = Body::block(cells, seed);
+        let a = body.system(seed);
+        let orderings = [
+            palpate_fem::ordering::nested_dissection(&body.pattern, &body.positions),
+            plane_dissection(&body.pattern, &body.positions),
+            approximate_minimum_degree(&body.pattern),
+            shuffled(body.free_nodes(), seed),
+        ];
+        for (k, ordering) in orderings.into_iter().enumerate() {
+            let symbolic = Arc::new(SymbolicFactor::with_ordering(&body.pattern, ordering).unwrap());
+            let mut yardstick = LeftLookingFactor::new(symbolic.clone(), &a).unwrap();
+            let mut factor = Factor::new(symbolic);
+            assert_eq!(yardstick.refactor(&a), FactorStatus::Ok);
+            assert_eq!(factor.refactor(&a).status, FactorStatus::Ok);
+            // both are backward stable; their difference is rounding times the condition of the leading blocks
+            let difference = yardstick.difference(&factor);
+            assert!(difference < 1e-12, "{cells:?}, ordering {k}: {difference:e}");
+        }
+    }
+}
+
+#[test]
+fn the_first_bad_pivot_is_named_as_by_the_left_looking_factor() {
+    let body = Body::block([9, 8, 8], 5);
+    let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
+    let good = body.system(6);
+    let mut factor = Factor::new(symbolic.clone());
+    let mut random = Random(7);
+    for _ in 0..20 {
+        let mut a = good.clone();
+        for _ in 0..3 {
+            let node = random.below(body.free_nodes()) as u32;
+            a.blocks[body.pattern.find(node, node).unwrap()] *= 0.2;
+        }
+        let expected = LeftLookingFactor::new(symbolic.clone(), &a).unwrap().refactor(&a);
+        assert_eq!(factor.refactor(&a).status, expected);
+        assert!(matches!(expected, FactorStatus::NotPositiveDefinite { .. }), "{expected:?}: the test tests nothing");
+        assert!(!factor.is_valid());
+    }
+    assert_eq!(factor.refactor(&good).status, FactorStatus::Ok);
+}
+
+#[test]
+fn same_bits_for_any_number_of_threads() {
+    // large enough that the root front has products and panels of several tasks
+    let body = Body::block([14, 13, 12], 8);
+    let a = body.system(9);
+    let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
+    let b = Random(10).vector(3 * body.free_nodes());
+    let bits = |threads: Option<usize>| {
+        let run = || {
+            let mut factor = Factor::new(symbolic.clone());
+            let report = factor.refactor(&a);
+            assert_eq!(report.status, FactorStatus::Ok);
+            let mut x = b.clone();
+            assert!(factor.solve(&mut x, &mut SolveWorkspace::new(&symbolic)).is_ok());
+            let pivots = [report.smallest_pivot, report.largest_pivot];
+            x.into_iter().chain(pivots).map(f64::to_bits).collect::<Vec<u64>>()
+        };
+        match threads {
+            None => run(),
+            Some(n) => rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(run),
+        }
+    };
+    let outside = bits(None);
+    for threads in [1, 2, 4] {
+        assert_eq!(bits(Some(threads)), outside, "{threads} threads");
+    }
+}
+
+#[test]
+fn a_copy_in_single_precision_costs_no_iterations() {
+    // stiffness ratio 10 within the body; the factor is of a matrix with other stiffnesses
+    let body = Body::block([10, 9, 9], 11);
+    let (old, new) = (body.system(12), body.system(13));
+    let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
+    let b = Random(14).vector(3 * body.free_nodes());
+    let rotations = vec![Matrix3::identity(); body.free_nodes()];
+    let mut workspace = SolveWorkspace::new(&symbolic);
+    let mut solve = |mut factor: Factor| {
+        assert_eq!(factor.refactor(&old).status, FactorStatus::Ok);
+        let mut x = vec![0.0; b.len()];
+        let mut direct = b.clone();
+        assert!(factor.precondition(&mut direct, &mut workspace).is_ok());
+        let mut preconditioner =
+            WarpedPreconditioner { factor: &factor, rotations: &rotations, workspace: &mut workspace };
+        let config = PcgConfig { relative_tolerance: 1e-9, max_iterations: 200 };
+        let report = pcg(&new, &b, &mut x, &mut preconditioner, config, &mut PcgWorkspace::new(body.free_nodes()));
+        assert_eq!(report.status, PcgStatus::Converged);
+        (report.iterations, x, direct)
+    };
+    let (double, x, exact) = solve(Factor::new(symbolic.clone()));
+    let (single, y, rounded) = solve(Factor::with_single_precision_copy(symbolic.clone()));
+    assert!(double > 5, "{double} iterations: the two matrices are too alike");
+    assert!(single.abs_diff(double) <= 1, "{single} iterations instead of {double}");
+    // residuals of 1e-9 times the condition of A, some 1e3
+    assert!(relative_difference(&y, &x) < 1e-6);
+    // rounding 6e-8 times the same; and it is the copy that was used
+    let difference = relative_difference(&rounded, &exact);
+    assert!((1e-10..1e-4).contains(&difference), "{difference:e}");
+}
+
+#[test]
+fn a_copy_that_would_overflow_is_not_used() {
+    let body = Body::block([3, 3, 3], 15);
+    let mut a = body.system(16);
+    a.blocks.iter_mut().for_each(|block| *block *= 1e90);
+    let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
+    let mut factor = Factor::with_single_precision_copy(symbolic.clone());
+    assert_eq!(factor.refactor(&a).status, FactorStatus::Ok);
+    let b = Random(17).vector(3 * body.free_nodes());
+    let (mut x, mut y) = (b.clone(), b);
+    let mut workspace = SolveWorkspace::new(&symbolic);
+    assert!(factor.solve(&mut x, &mut workspace).is_ok());
+    assert!(factor.precondition(&mut y, &mut workspace).is_ok());
+    assert_eq!(x, y);
+}

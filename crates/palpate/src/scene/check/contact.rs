@@ -1,0 +1,121 @@
+//! The range of every value of contact and solvers, and which of them fit one another.
+
+use palpate_constraints::law::{ConicForm, ContactLaw, Coulomb};
+use palpate_solver::solver::SolverKind;
+
+use super::super::description::{ContactDescription, ContactLawKind, ContactMethod, IntegratorKind, SceneDescription};
+use super::super::parse::Source;
+use super::Checked;
+use super::number::{at_least_one, not_negative, positive};
+
+/// Checks every value of contact and solvers.
+pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
+    let c = &scene.contact;
+    not_negative(source, "contact.friction", c.friction, "")?;
+    not_negative(source, "contact.margin", c.margin, "m")?;
+    not_negative(source, "contact.merge_distance", c.merge_distance, "m")?;
+    max_contacts(source, "contact.max_contacts", c.max_contacts)?;
+    law(c, source)?;
+    contact_method(scene, source)?;
+    solver(scene, source)?;
+    positive(source, "solver.tolerance", scene.solver.tolerance, "")?;
+    positive(source, "solver.tick_tolerance", scene.solver.tick_tolerance, "")?;
+    at_least_one(source, "solver.max_sweeps", scene.solver.max_sweeps as usize)?;
+    at_least_one(source, "solver.tick_sweeps", scene.solver.tick_sweeps as usize)
+}
+
+/// A number of contacts whose compliance has a sensible size.
+pub(super) fn max_contacts(source: &Source<'_>, path: &str, contacts: usize) -> Checked {
+    at_least_one(source, path, contacts)?;
+    if contacts > 1000 {
+        let message = format!("{contacts} contacts make a compliance of {} MB", 9 * contacts.pow(2) / 131_072);
+        return Err(source.at(path, message, "use at most 1000; 48 serve a fingertip"));
+    }
+    Ok(())
+}
+
+/// A coefficient of Coulomb friction.
+pub(super) fn friction(source: &Source<'_>, path: &str, friction: f64) -> Checked {
+    not_negative(source, path, friction, "")?;
+    Coulomb { friction }.validate().map_err(|e| source.at(path, e.to_string(), e.remedy))
+}
+
+/// The parameters of the law that is used, and of no other.
+fn law(c: &ContactDescription, source: &Source<'_>) -> Checked {
+    use ContactLawKind::{Coulomb, FacetedCoulomb, Signorini, Threshold, Tresca};
+    let name = c.law.name();
+    let unused = |key: &str, value: f64, remedy: &str| {
+        let message = format!("{key} = {value} has no effect: the law is `{name}`");
+        Err(source.at(&format!("contact.{key}"), message, remedy))
+    };
+    let missing = |key: &str, remedy: &str| Err(source.at("contact.law", format!("`{name}` needs `{key}`"), remedy));
+    match (c.law, c.facets, c.limit) {
+        (Coulomb | Signorini | Tresca | Threshold, Some(facets), _) => {
+            return unused("facets", facets as f64, "remove it, or set law = \"faceted_coulomb\"");
+        }
+        (Coulomb | Signorini | FacetedCoulomb, _, Some(limit)) => {
+            return unused("limit", limit, "remove it, or set law = \"tresca\" or \"threshold\"");
+        }
+        (FacetedCoulomb, None, _) => {
+            return missing("facets", "add `facets = 16`; the more, the nearer to law = \"coulomb\"");
+        }
+        (Tresca, _, None) => return missing("limit", "add `limit = 0.2`, the largest friction of a contact in N"),
+        (Threshold, _, None) => return missing("limit", "add `limit = 1.0`, the force in N at which skin gives way"),
+        _ => {}
+    }
+    if c.friction > 0.0 && !matches!(c.law, Coulomb | FacetedCoulomb) {
+        return unused("friction", c.friction, "remove it, or set law = \"coulomb\"");
+    }
+    if c.friction == 0.0 && c.law == FacetedCoulomb {
+        let remedy = "add `friction = 0.3`, or set law = \"signorini\"";
+        return Err(source.at("contact.law", "`faceted_coulomb` without friction has no facets", remedy));
+    }
+    if let Some(limit) = c.limit {
+        positive(source, "contact.limit", limit, "N")?;
+    }
+    c.contact_law().validate().map_err(|e| {
+        let message = format!("{} = {} is outside the range of the law `{name}`", e.parameter, e.value);
+        source.at(&format!("contact.{}", e.parameter), message, e.remedy)
+    })
+}
+
+/// A solver that takes the law.
+fn solver(scene: &SceneDescription, source: &Source<'_>) -> Checked {
+    let c = &scene.contact;
+    let has_friction = !matches!(c.contact_law().conic_form(), ConicForm::NonNegative | ConicForm::Interval { .. });
+    if scene.solver.kind == SolverKind::ConicQp && c.method == ContactMethod::Compliance && has_friction {
+        let message = format!("`conic_qp` solves contact without friction; the law is {}", c.law_in_words());
+        return Err(source.at("solver.kind", message, "set kind = \"conic_friction\" or \"automatic\""));
+    }
+    Ok(())
+}
+
+/// The settings of the contact method that is used, and of no other.
+fn contact_method(scene: &SceneDescription, source: &Source<'_>) -> Checked {
+    let c = &scene.contact;
+    let integrator = scene.bodies.first().map_or(IntegratorKind::BackwardEuler, |body| body.integrator);
+    if c.method != ContactMethod::Compliance && integrator != IntegratorKind::BackwardEuler {
+        let message = format!("`{}` solves for the motion of one linearised step", c.method.name());
+        let remedy = "set integrator = \"backward_euler\", or method = \"compliance\"";
+        return Err(source.at("contact.method", message, remedy));
+    }
+    if c.method != ContactMethod::Compliance && !(scene.fixed_bodies.is_empty() && scene.rigid_bodies.is_empty()) {
+        let message = format!("`{}` knows the soft body and the tool alone", c.method.name());
+        let remedy = "set method = \"compliance\", or remove the fixed and rigid bodies";
+        return Err(source.at("contact.method", message, remedy));
+    }
+    if c.method != ContactMethod::Compliance && !matches!(c.law, ContactLawKind::Coulomb | ContactLawKind::Signorini) {
+        let message = format!("`{}` knows the laws `coulomb` and `signorini`, not `{}`", c.method.name(), c.law.name());
+        return Err(source.at("contact.law", message, "set one of the two, or method = \"compliance\""));
+    }
+    let Some(penalty) = &c.penalty else { return Ok(()) };
+    if c.method != ContactMethod::Penalty {
+        let message = format!("`penalty` has no effect: the method is `{}`", c.method.name());
+        return Err(source.at("contact.penalty", message, "remove it, or set method = \"penalty\""));
+    }
+    if let Some(stiffness) = penalty.stiffness {
+        positive(source, "contact.penalty.stiffness", stiffness, "N/m")?;
+    }
+    positive(source, "contact.penalty.multiple", penalty.multiple, "")?;
+    not_negative(source, "contact.penalty.damping", penalty.damping, "s")
+}

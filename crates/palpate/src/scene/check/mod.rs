@@ -1,0 +1,67 @@
+//! The range of every value of a scene.
+
+mod body;
+mod contact;
+mod device;
+mod number;
+mod solid;
+mod tick;
+
+use super::description::SceneDescription;
+use super::error::SceneError;
+use super::parse::Source;
+use number::{finite, not_negative, positive};
+
+pub(crate) use body::MOST_SUBSTEPS;
+
+type Checked = Result<(), SceneError>;
+
+/// Checks every value; the first that is out of range is the error.
+pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
+    if scene.name.is_empty() || scene.name.contains(['/', '\\']) {
+        return Err(source.at(
+            "name",
+            format!("`{}` cannot be part of a file name", scene.name),
+            "use letters and `_`",
+        ));
+    }
+    positive(source, "seconds", scene.seconds, "s")?;
+    finite(source, "gravity", &scene.gravity)?;
+    rates(scene, source)?;
+    match scene.bodies.as_slice() {
+        [body] => body::check(body, source)?,
+        [] => return Err(source.at("body", "there is no body", "add a [[body]] with a mesh and a material")),
+        more => {
+            let message = format!("{} bodies, but this version simulates one", more.len());
+            return Err(source.at("body", message, "keep one [[body]]; regions carry different materials"));
+        }
+    }
+    match scene.tools.as_slice() {
+        [_] => {}
+        [] => return Err(source.at("tool", "there is no tool", "add a [[tool]] with a shape")),
+        more => {
+            let message = format!("{} tools, but this version moves one", more.len());
+            return Err(source.at("tool", message, "keep one [[tool]]"));
+        }
+    }
+    solid::check(scene, source)?;
+    contact::check(scene, source)?;
+    tick::check(scene, source)?;
+    device::check(scene, source)
+}
+
+fn rates(scene: &SceneDescription, source: &Source<'_>) -> Checked {
+    let r = &scene.rates;
+    positive(source, "rates.step", r.step, "Hz")?;
+    positive(source, "rates.factor", r.factor, "Hz")?;
+    positive(source, "rates.tick", r.tick, "Hz")?;
+    not_negative(source, "rates.factor_delay", r.factor_delay, "s")?;
+    if r.tick < r.step {
+        let message = format!("the tick rate {} Hz is below the step rate {} Hz", r.tick, r.step);
+        return Err(source.at("rates.tick", message, "use 1000 Hz for haptics, at least the step rate"));
+    }
+    if r.tick > 20_000.0 {
+        return Err(source.at("rates.tick", format!("{} Hz leaves no time to work in", r.tick), "use at most 20000"));
+    }
+    Ok(())
+}

@@ -1,0 +1,137 @@
+//! Time between ticks from the timestamps of a device, checked against the clock of this machine.
+//!
+//! A device's clock is the better one: it does not see how late this machine's threads wake up. It is believed as long
+//! as it runs forward and keeps pace. Where it stands still, runs backwards, or gains or loses more than [`LARGEST_LEAD`]
+//! against this machine's within [`WINDOW`], as a clock in another unit does at once, this machine's serves instead, for
+//! [`PROBATION`].
+
+/// Lead or lag of the device's clock at which it is no longer believed (ns). A burst of late samples of a stalled bus is
+/// shorter.
+pub const LARGEST_LEAD: u64 = 50_000_000;
+
+/// Time after which lead and lag are counted anew (ns): a drift below 5 % is no fault.
+pub const WINDOW: u64 = 1_000_000_000;
+
+/// Time for which a clock that failed is not believed (ns).
+pub const PROBATION: u64 = 1_000_000_000;
+
+/// What a timestamp was worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ClockEvent {
+    /// The device's clock was used, or there is none.
+    Sound,
+    /// The device's clock stood still.
+    Still,
+    /// The device's clock ran backwards.
+    Backwards,
+    /// The device's clock does not keep pace with this machine's.
+    Unsteady,
+}
+
+/// The clock of the ticks of one port.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DeviceClock {
+    /// Timestamp and this machine's time at the tick before (ns).
+    before: Option<(Option<u64>, u64)>,
+    /// The same where the window began.
+    anchor: Option<(u64, u64)>,
+    /// This machine's time until which the device's clock is not believed (ns).
+    doubted_until: u64,
+}
+
+impl DeviceClock {
+    /// Time since the tick before (ns) for a sample stamped `stamp` (ns) at `host` (ns), a clock that never runs
+    /// backwards; `None` at the first tick.
+    pub fn advance(&mut self, stamp: Option<u64>, host: u64) -> (Option<u64>, ClockEvent) {
+        let before = self.before.replace((stamp, host));
+        let Some((stamp_before, host_before)) = before else {
+            self.anchor = stamp.map(|stamp| (stamp, host));
+            return (None, ClockEvent::Sound);
+        };
+        let by_host = host.saturating_sub(host_before);
+        let (Some(stamp), Some(stamp_before)) = (stamp, stamp_before) else {
+            self.anchor = stamp.map(|stamp| (stamp, host));
+            return (Some(by_host), ClockEvent::Sound);
+        };
+        let event = match stamp.cmp(&stamp_before) {
+            std::cmp::Ordering::Less => ClockEvent::Backwards,
+            std::cmp::Ordering::Equal => ClockEvent::Still,
+            std::cmp::Ordering::Greater => self.pace(stamp, host),
+        };
+        match event {
+            ClockEvent::Sound if host >= self.doubted_until => (Some(stamp - stamp_before), event),
+            ClockEvent::Sound => (Some(by_host), ClockEvent::Unsteady),
+            _ => {
+                self.anchor = Some((stamp, host));
+                self.doubted_until = host.saturating_add(PROBATION);
+                (Some(by_host), event)
+            }
+        }
+    }
+
+    /// Whether the device's clock has kept pace since the window began.
+    fn pace(&mut self, stamp: u64, host: u64) -> ClockEvent {
+        let (stamp_anchor, host_anchor) = *self.anchor.get_or_insert((stamp, host));
+        let (by_stamp, by_host) = (stamp.saturating_sub(stamp_anchor), host.saturating_sub(host_anchor));
+        if by_stamp.abs_diff(by_host) > LARGEST_LEAD {
+            return ClockEvent::Unsteady;
+        }
+        if by_host >= WINDOW {
+            self.anchor = Some((stamp, host));
+        }
+        ClockEvent::Sound
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    /// Ticks `clock` at these stamps and host times; the times between that it answered.
+    fn run(clock: &mut DeviceClock, ticks: impl IntoIterator<Item = (u64, u64)>) -> Vec<(Option<u64>, ClockEvent)> {
+        ticks.into_iter().map(|(stamp, host)| clock.advance(Some(stamp), host)).collect()
+    }
+
+    #[test]
+    fn jitter_of_this_machine_is_not_seen() {
+        let jitter = [0, 300, 20, 900, 0, 450, 10];
+        let ticks = (0..2000_u64).map(|k| (7 + k * MS, 5 * MS + k * MS + jitter[k as usize % 7] * 1000));
+        let answers = run(&mut DeviceClock::default(), ticks);
+        assert_eq!(answers[0], (None, ClockEvent::Sound));
+        assert!(answers[1..].iter().all(|&answer| answer == (Some(MS), ClockEvent::Sound)));
+    }
+
+    #[test]
+    fn a_clock_that_runs_backwards_or_stands_still_is_replaced_and_believed_again_later() {
+        let mut clock = DeviceClock::default();
+        let answers = run(&mut clock, [(10 * MS, 0), (11 * MS, MS), (4 * MS, 2 * MS + 7), (4 * MS, 4 * MS)]);
+        assert_eq!(answers[2], (Some(MS + 7), ClockEvent::Backwards));
+        assert_eq!(answers[3].1, ClockEvent::Still);
+        let ticks = (1..3000_u64).map(|k| (4 * MS + k * MS, 4 * MS + k * MS + 5));
+        let answers = run(&mut clock, ticks);
+        assert_eq!(answers[0].1, ClockEvent::Unsteady, "on probation");
+        assert_eq!(answers[2000], (Some(MS), ClockEvent::Sound));
+    }
+
+    #[test]
+    fn a_clock_in_microseconds_does_not_slow_time_down() {
+        let ticks = (0..5000_u64).map(|k| (k * 1000, k * MS));
+        let answers = run(&mut DeviceClock::default(), ticks);
+        let total: u64 = answers.iter().filter_map(|a| a.0).sum();
+        // At most a window's lag of LARGEST_LEAD before each doubt.
+        let lost = 4999 * MS - total;
+        assert!(lost <= 5 * (LARGEST_LEAD + 2 * MS), "{lost} ns lost");
+        assert!(answers.iter().filter(|a| a.1 == ClockEvent::Unsteady).count() > 4000);
+    }
+
+    #[test]
+    fn a_drift_of_one_percent_is_no_fault_and_a_missing_clock_is_this_machine() {
+        let ticks = (0..20_000_u64).map(|k| (k * MS * 101 / 100, k * MS));
+        assert!(run(&mut DeviceClock::default(), ticks).iter().all(|a| a.1 == ClockEvent::Sound));
+        let mut clock = DeviceClock::default();
+        clock.advance(None, 3);
+        assert_eq!(clock.advance(None, 10), (Some(7), ClockEvent::Sound));
+    }
+}

@@ -1,0 +1,94 @@
+//! What a program that embeds the library knows better than the scene: its device, its rate, its limits.
+
+use palpate_devices::place::PlaceConfig;
+use palpate_haptics::coupling::CouplingConfig;
+use palpate_haptics::device::DeviceSpec;
+
+use crate::devices::{PORT, spec};
+use crate::scene::{Scene, SceneError};
+
+/// Lowest rate of a driver (Hz): below it the coupling is so soft that contact is not felt as such.
+pub const LOWEST_RATE: f64 = 100.0;
+
+/// Highest rate of a driver (Hz).
+pub const HIGHEST_RATE: f64 = 8000.0;
+
+/// Changes to a scene for a driver that ticks; what is `None` stays as the scene says.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PortConfig {
+    /// Nominal rate of the ticks (Hz), [`LOWEST_RATE`] to [`HIGHEST_RATE`].
+    pub rate: Option<f64>,
+    /// Largest force of the device (N).
+    pub max_force: Option<f64>,
+    /// Largest torque of the device (N m); 0: none is sent.
+    pub max_torque: Option<f64>,
+    /// Largest closed-loop stiffness of the device at 1 kHz (N/m).
+    pub max_stiffness: Option<f64>,
+    /// Largest closed-loop damping of the device at 1 kHz (N s/m).
+    pub max_damping: Option<f64>,
+    /// Largest change of force (N/s).
+    pub force_slew: Option<f64>,
+    /// Largest change of torque (N m/s).
+    pub torque_slew: Option<f64>,
+    /// Time from no force to full force (s).
+    pub fade_in: Option<f64>,
+    /// Age of the tissue's last step at which the force begins to fade (s).
+    pub stale_after: Option<f64>,
+    /// Age at which it is zero (s).
+    pub stale_zero: Option<f64>,
+    /// Time between two ticks after which the force comes back as a ramp (s).
+    pub gap: Option<f64>,
+    /// Where the device stands.
+    pub place: Option<PlaceConfig>,
+}
+
+impl PortConfig {
+    /// Writes them into the scene, so that its trace holds what a replay needs.
+    ///
+    /// Without a coupling of the scene's own, its stiffness is what suits the device at this rate: the stable stiffness
+    /// of a sampled loop is proportional to the rate, and a faster loop than the device's record speaks of is not
+    /// trusted with more.
+    ///
+    /// # Errors
+    /// A number out of its range.
+    pub fn apply(&self, scene: &mut Scene) -> Result<(), SceneError> {
+        let rate = self.rate.unwrap_or(scene.description().rates.tick);
+        if !(LOWEST_RATE..=HIGHEST_RATE).contains(&rate) {
+            let message = format!("a driver that ticks at {rate} Hz is outside {LOWEST_RATE} to {HIGHEST_RATE} Hz");
+            return Err(scene.at("rates.tick", message, "give the rate at which the driver calls"));
+        }
+        let refused = |e: palpate_haptics::SetupError| scene.at("device", e.to_string(), "correct the value");
+        let record = self.record(&spec(&scene.description().device, None).map_err(refused)?);
+        scene.edit(|d| {
+            d.device.kind = PORT.into();
+            (d.device.library, d.device.url, d.device.trace) = (None, None, None);
+            d.rates.tick = rate;
+            if d.coupling.is_none() {
+                let share = (rate / record.rate).min(1.0);
+                let at_rate = DeviceSpec { max_stiffness: share * record.max_stiffness, ..record.clone() };
+                d.coupling = Some(CouplingConfig::for_device(&at_rate));
+            }
+            (d.device.preset, d.device.record) = (None, Some(record));
+            if let Some(place) = self.place {
+                (d.device.origin, d.device.axes) = (place.origin, place.axes);
+            }
+            let set = |value: &mut f64, given: Option<f64>| *value = given.unwrap_or(*value);
+            set(&mut d.limits.force_slew, self.force_slew);
+            set(&mut d.limits.torque_slew, self.torque_slew);
+            set(&mut d.limits.fade_in, self.fade_in);
+            set(&mut d.limits.stale_after, self.stale_after);
+            set(&mut d.limits.stale_zero, self.stale_zero);
+            set(&mut d.limits.gap, self.gap);
+        })
+    }
+
+    fn record(&self, scene: &DeviceSpec) -> DeviceSpec {
+        let mut record = scene.clone();
+        record.max_force = self.max_force.unwrap_or(record.max_force);
+        record.max_torque = self.max_torque.unwrap_or(record.max_torque);
+        record.max_stiffness = self.max_stiffness.unwrap_or(record.max_stiffness);
+        record.max_damping = self.max_damping.unwrap_or(record.max_damping);
+        record.freedoms.drives_torque |= record.max_torque > 0.0;
+        record
+    }
+}

@@ -1,0 +1,114 @@
+//! Counts and tails of a session so far, for whoever asks while it runs.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use crate::run::{Observer, Progress};
+use crate::step::StepReport;
+use crate::summary::{Percentiles, Tail};
+use crate::tick::{TickFlags, TickReport};
+
+/// A session so far. Times in seconds, forces in newtons.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Statistics {
+    /// Time of the latest tick since the start (s).
+    pub time: f64,
+    /// Steps of the tissue.
+    pub steps: u64,
+    /// Factors that have reached the step, the first included.
+    pub factors: u64,
+    /// Ticks.
+    pub ticks: u64,
+    /// Steps, factors and ticks per second over the last second.
+    pub rates: [f64; 3],
+    /// Work of a step (s).
+    pub step_work: Percentiles,
+    /// Work of a tick (s).
+    pub tick_work: Percentiles,
+    /// Periods that the step missed.
+    pub step_overruns: u64,
+    /// Periods that passed without a tick between two ticks.
+    pub tick_overruns: u64,
+    /// Contacts that found no room.
+    pub contacts_dropped: u64,
+    /// Contacts that carry force, at the latest step.
+    pub contacts: u32,
+    /// Ticks that were cut by a limit of force, torque or slew.
+    pub limited: u64,
+    /// Ticks that sent no force because a number or a pose was not sound.
+    pub refused: u64,
+    /// Largest force that was sent (N).
+    pub largest_force: f64,
+    /// Largest jump of the contact force at a new snapshot (N).
+    pub largest_jump: f64,
+    /// Age of the factor at the latest step (s).
+    pub factor_age: f64,
+}
+
+/// The statistics with what they are made of; written by the watching thread, read by any.
+#[derive(Clone)]
+pub(super) struct Ledger {
+    page: Arc<Mutex<Page>>,
+}
+
+struct Page {
+    statistics: Statistics,
+    step_work: Tail,
+    tick_work: Tail,
+}
+
+impl Ledger {
+    pub(super) fn new() -> Self {
+        let (step_work, tick_work) = (Tail::new(1e-9), Tail::new(1e-9));
+        Self { page: Arc::new(Mutex::new(Page { statistics: Statistics::default(), step_work, tick_work })) }
+    }
+
+    /// Everything so far.
+    pub(super) fn statistics(&self) -> Statistics {
+        let page = self.page();
+        Statistics {
+            step_work: page.step_work.percentiles(),
+            tick_work: page.tick_work.percentiles(),
+            ..page.statistics
+        }
+    }
+
+    fn page(&self) -> MutexGuard<'_, Page> {
+        // Every value of the page is sound by itself, whoever was interrupted while writing.
+        self.page.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Observer for Ledger {
+    fn progress(&mut self, progress: &Progress) {
+        if let Some(rates) = progress.rates {
+            self.page().statistics.rates = rates;
+        }
+    }
+
+    fn step(&mut self, report: &StepReport) {
+        let mut page = self.page();
+        page.step_work.record(report.times.total);
+        let s = &mut page.statistics;
+        s.steps += 1;
+        s.factors = report.factor_epoch + 1;
+        s.step_overruns += u64::from(report.overruns);
+        s.contacts_dropped += report.detection.dropped as u64;
+        s.contacts = report.active as u32;
+        s.factor_age = report.factor_age;
+    }
+
+    fn tick(&mut self, report: &TickReport) {
+        let mut page = self.page();
+        page.tick_work.record(report.work);
+        let (s, record) = (&mut page.statistics, &report.record);
+        let any = |flags: &[TickFlags]| flags.iter().any(|&flag| record.flags.contains(flag));
+        s.time = record.time;
+        s.ticks += 1;
+        s.tick_overruns += u64::from(report.overruns);
+        let limited = any(&[TickFlags::FORCE_LIMITED, TickFlags::TORQUE_LIMITED, TickFlags::SLEW_LIMITED]);
+        s.limited += u64::from(limited);
+        s.refused += u64::from(any(&[TickFlags::BAD_POSE, TickFlags::NON_FINITE]));
+        s.largest_force = s.largest_force.max(record.wrench.force.norm());
+        s.largest_jump = s.largest_jump.max(record.force_jump);
+    }
+}

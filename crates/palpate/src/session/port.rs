@@ -1,0 +1,204 @@
+//! The tick as a driver calls it, in its own thread at its own rate.
+//!
+//! A call takes what the device measured, in the device's frame, and answers the wrench for its motors. It allocates
+//! nothing, takes no lock, and asks the system for the time alone.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use palpate_devices::place::Place;
+use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, HapticDevice, TickTime};
+use palpate_haptics::exchange::Sender;
+use palpate_haptics::wrench::{Twist, Wrench};
+
+use super::clock::{ClockEvent, DeviceClock};
+use super::motion::Motion;
+use super::{Phase, Shared};
+use crate::pace::seconds;
+use crate::tick::{TickRecord, TickReport, TickStage};
+
+/// What a device measured, in its own frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PortSample {
+    /// Time of the measurement on the device's clock (ns); `None`: this machine's time of the call.
+    pub time_ns: Option<u64>,
+    /// Position (m).
+    pub position: [f64; 3],
+    /// Orientation as quaternion (w, x, y, z), of unit length.
+    pub orientation: [f64; 4],
+    /// Velocity (m/s) and angular velocity (rad/s); `None`: found from the poses.
+    pub velocity: Option<[[f64; 3]; 2]>,
+    /// Switches, one bit each.
+    pub buttons: u32,
+}
+
+impl PortSample {
+    /// Numbers that are not finite stay as they are, for the tick to refuse.
+    fn pose(&self) -> Isometry3<f64> {
+        let [w, x, y, z] = self.orientation;
+        let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
+        Isometry3::from_parts(Translation3::from(self.position), rotation)
+    }
+}
+
+/// What a tick answers.
+#[derive(Clone, Copy, Debug)]
+pub struct PortReport {
+    /// What the tick did, in world axes.
+    pub record: TickRecord,
+    /// Wrench for the device's motors, in its own axes (N, N m); zero where anything is wrong.
+    pub wrench: Wrench,
+    /// The tool behind the coupling, in the device's frame: what a screen shows.
+    pub tool: Isometry3<f64>,
+    /// Time since the tick before that the limits were given (s); a period at the first.
+    pub dt: f64,
+    /// What the device's timestamp was worth.
+    pub clock: ClockEvent,
+    /// What the session was doing.
+    pub phase: Phase,
+    /// Work of the tick (s).
+    pub work: f64,
+}
+
+/// The device as the tick sees it: the driver's sample on its way in, the wrench on its way out.
+struct Exchange {
+    spec: DeviceSpec,
+    sample: DeviceSample,
+    wrench: Wrench,
+}
+
+impl HapticDevice for Exchange {
+    fn spec(&self) -> &DeviceSpec {
+        &self.spec
+    }
+
+    fn read(&mut self, _tick: TickTime) -> Result<DeviceSample, DeviceError> {
+        Ok(self.sample)
+    }
+
+    fn write(&mut self, wrench: Wrench) -> Result<(), DeviceError> {
+        self.wrench = wrench;
+        Ok(())
+    }
+
+    fn close(&mut self) {
+        self.wrench = Wrench::zero();
+    }
+}
+
+/// The driver's end of a session. One thread at a time calls it.
+pub struct Port {
+    stage: TickStage,
+    device: Exchange,
+    place: Place,
+    clock: DeviceClock,
+    motion: Motion,
+    reports: Sender<TickReport>,
+    shared: Arc<Shared>,
+    /// This port's zero of this machine's clock.
+    epoch: Instant,
+    /// Whether a tick has seen the session's start.
+    started: bool,
+    /// Time of the tick before (ns), since the session's start.
+    time_ns: Option<u64>,
+}
+
+impl Port {
+    pub(super) fn new(
+        stage: TickStage,
+        spec: DeviceSpec,
+        place: Place,
+        reports: Sender<TickReport>,
+        shared: Arc<Shared>,
+    ) -> Self {
+        let device =
+            Exchange { spec, sample: DeviceSample::at_rest(0.0, Isometry3::identity()), wrench: Wrench::zero() };
+        let (clock, motion, epoch) = (DeviceClock::default(), Motion::default(), Instant::now());
+        Self { stage, device, place, clock, motion, reports, shared, epoch, started: false, time_ns: None }
+    }
+
+    /// Limits that this port was opened with.
+    pub fn spec(&self) -> &DeviceSpec {
+        &self.device.spec
+    }
+
+    /// Nominal time between ticks (s).
+    pub fn period(&self) -> f64 {
+        self.stage.period()
+    }
+
+    /// Where the device stands.
+    pub fn place(&self) -> &Place {
+        &self.place
+    }
+
+    /// One tick. Before the session has started there is no force.
+    pub fn tick(&mut self, sample: &PortSample) -> PortReport {
+        let begin = Instant::now();
+        let host = nanoseconds(begin.saturating_duration_since(self.epoch));
+        let (elapsed, clock) = self.clock.advance(sample.time_ns, host);
+        let phase = self.shared.phase();
+        let pose = sample.pose();
+        let estimate = self.motion.advance(&pose, elapsed.map(seconds));
+        let velocity = sample
+            .velocity
+            .map_or(estimate, |[linear, angular]| Twist { linear: linear.into(), angular: angular.into() });
+        self.device.sample =
+            self.place.sample(&DeviceSample { time: seconds(host), pose, velocity, buttons: sample.buttons });
+        let begun = self.shared.start.get().map(|start| nanoseconds(begin.saturating_duration_since(*start)));
+        if begun.is_some() && !self.started {
+            (self.started, self.time_ns) = (true, None);
+            self.stage.restart();
+        }
+        // Whole nanoseconds, as a trace keeps them: a replay divides by the same times.
+        let before = self.time_ns;
+        let time_ns = match (before, elapsed) {
+            (Some(before), Some(elapsed)) => before.saturating_add(elapsed),
+            _ => begun.unwrap_or(0),
+        };
+        self.time_ns = Some(time_ns);
+        let time = seconds(time_ns);
+        let dt = self.stage.since(before.map(seconds), time);
+        let record = self.stage.tick(&mut self.device, time, dt);
+        let work = begin.elapsed().as_secs_f64();
+        let overruns = before.map_or(0, |_| missed(dt, self.stage.period()));
+        if phase.is_live() {
+            let report = TickReport { record, latency: 0.0, work, overruns };
+            self.stage.trace(&report);
+            self.reports.send(report);
+        }
+        let wrench = self.place.wrench_in_device(&record.wrench);
+        let tool = self.place.pose_in_device(&record.tool_pose);
+        PortReport { record, wrench, tool, dt, clock, phase, work }
+    }
+}
+
+impl Drop for Port {
+    fn drop(&mut self) {
+        self.shared.has_port.store(false, Ordering::Release);
+    }
+}
+
+/// Whole periods that passed unused in `dt` seconds.
+fn missed(dt: f64, period: f64) -> u32 {
+    // Saturates; half a period of jitter is no miss.
+    (dt / period - 0.5).max(0.0) as u32
+}
+
+fn nanoseconds(duration: std::time::Duration) -> u64 {
+    // Five centuries fit.
+    duration.as_nanos() as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::missed;
+
+    #[test]
+    fn a_late_tick_counts_the_periods_it_missed() {
+        let counts: Vec<u32> = [0.5e-3, 1e-3, 1.4e-3, 1.6e-3, 2e-3, 10e-3].map(|dt| missed(dt, 1e-3)).into();
+        assert_eq!(counts, [0, 0, 0, 1, 1, 9]);
+    }
+}

@@ -1,0 +1,374 @@
+//! The part of fixed and rigid bodies in a step: their contacts, rows, warm start and motion.
+//!
+//! A contact between tissue and such a body has two sides in one row: nodes of the tissue and the twist of the body
+//! ([`palpate_constraints::rows`]). `W` is the sum over all bodies ([`palpate_constraints::body`]), each with its own `A`:
+//! `h² M⁻¹` for a rigid one, nothing for a fixed one. The rows of the tool come first, on the skin and then on rigid bodies,
+//! so that what the tick needs is the leading block of the problem; towards the tick the other contacts keep the forces
+//! that the step found for them.
+
+use std::ops::Range;
+
+use nalgebra::{Isometry3, Vector3};
+use palpate_collision::contact::ContactSet;
+use palpate_collision::solid_contact::{Placed, SolidContact, meet};
+use palpate_collision::{Solid, detect_solid};
+use palpate_constraints::body::{Body, RigidBodies, RigidInverse};
+use palpate_constraints::law::{Coulomb, Law, Signorini};
+use palpate_constraints::rows::{
+    ContactRows, Counterpart, RigidSide, RowInput, RowReport, ToolMotion, Twist, append_rows, append_solid_rows,
+};
+use palpate_constraints::warm_start::WarmStart;
+use palpate_rigid::{FreeMotion, RigidState, advance, free_motion};
+
+use super::{StepReport, StepState, StepWorkspace};
+use crate::world::{Far, Near, Pair, World};
+
+/// What the step remembers of a pair of bodies.
+pub(super) struct PairState {
+    contacts: PairContacts,
+    warm_start: WarmStart,
+}
+
+/// Contacts of the last step.
+enum PairContacts {
+    Tissue(ContactSet),
+    Solids(Vec<SolidContact>),
+}
+
+impl PairState {
+    pub(super) fn new(pair: &Pair) -> Self {
+        let most = pair.detection.max_contacts;
+        let contacts = match pair.near {
+            Near::Soft => PairContacts::Tissue(ContactSet::with_capacity(most)),
+            Near::Rigid(_) => PairContacts::Solids(Vec::with_capacity(most)),
+        };
+        Self { contacts, warm_start: WarmStart::with_capacity(most) }
+    }
+
+    pub(super) fn forget(&mut self) {
+        self.warm_start.clear();
+    }
+}
+
+/// Contacts of fixed and rigid bodies in one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodiesReport {
+    /// Contacts found.
+    pub contacts: u32,
+    /// Those that carry a force.
+    pub active: u32,
+    /// Contacts that found no room.
+    pub dropped: u32,
+    /// Numbers that are not finite, in poses or surfaces.
+    pub non_finite: u32,
+    /// Least gap at the begin of the step (m); infinite without contacts.
+    pub deepest_gap: f64,
+    /// Digest of where the rigid bodies are at the end of the step, to the bit; 0 without them.
+    pub digest: u64,
+}
+
+impl BodiesReport {
+    /// No contact.
+    pub const NONE: Self =
+        Self { contacts: 0, active: 0, dropped: 0, non_finite: 0, deepest_gap: f64::INFINITY, digest: 0 };
+}
+
+/// What the contacts of one pair of bodies did in the last step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairForce {
+    /// Contacts with rows.
+    pub contacts: usize,
+    /// Those that carry a force.
+    pub active: usize,
+    /// Sum of the normal forces (N).
+    pub normal: f64,
+    /// Force on the body that the normals point to (N); the other gets the opposite.
+    pub force: Vector3<f64>,
+}
+
+/// Scratch of the rigid bodies.
+pub(super) struct RigidStage {
+    pub(super) inverse: Vec<RigidInverse>,
+    free: Vec<FreeMotion>,
+    /// `Δv` and `Δω` of the contact forces, or of those that are not carried by the free motion.
+    pub(super) correction: Vec<Twist>,
+    /// The same of forces that Newton's method carries.
+    pub(super) carried: Vec<Twist>,
+    /// `A⁻¹ Hᵀ` of one row.
+    pub(super) sample: Vec<Twist>,
+    /// Blocks of each pair.
+    blocks: Vec<Range<usize>>,
+    /// Number of blocks of the tool on the skin: the first of all.
+    pub(super) skin_blocks: usize,
+    /// The same with those of the tool on rigid bodies, which follow.
+    pub(super) tool_blocks: usize,
+    /// Gaps of the tool's rows if nothing but the other contacts touched (m).
+    pub(super) tool_delta: Vec<f64>,
+}
+
+impl RigidStage {
+    pub(super) fn new(world: &World) -> Self {
+        let twists = vec![Twist::default(); world.bodies().rigid.len()];
+        let pairs = world.bodies().pairs.len();
+        Self {
+            inverse: Vec::with_capacity(twists.len()),
+            free: Vec::with_capacity(twists.len()),
+            correction: twists.clone(),
+            carried: twists.clone(),
+            sample: twists,
+            blocks: Vec::with_capacity(pairs),
+            skin_blocks: 0,
+            tool_blocks: 0,
+            tool_delta: Vec::with_capacity(super::workspace::ROWS * world.detection().max_contacts),
+        }
+    }
+
+    /// No pair has a block.
+    pub(super) fn clear_blocks(&mut self) {
+        self.blocks.clear();
+        (self.skin_blocks, self.tool_blocks) = (0, 0);
+    }
+
+    fn side(&self, body: usize, state: &[RigidState]) -> Option<RigidSide> {
+        let (free, carried) = (self.free.get(body)?, self.carried.get(body)?);
+        let centre = state.get(body)?.pose.translation.vector;
+        let linear = free.velocity + carried.linear;
+        Some(RigidSide {
+            body: body as u32,
+            centre,
+            free: Twist { linear, angular: free.angular_velocity + carried.angular },
+        })
+    }
+
+    /// Lets the next free motion carry these forces.
+    pub(super) fn carry(&mut self, rows: &ContactRows, lambda: &[f64], dt: f64) {
+        RigidBodies { inverse: &self.inverse, correction: &mut self.carried }.correct(rows, lambda, dt);
+    }
+
+    /// `Δv = h A⁻¹ Hᵀ λ` of all rigid bodies.
+    pub(super) fn correct(&mut self, rows: &ContactRows, lambda: &[f64], dt: f64) -> bool {
+        RigidBodies { inverse: &self.inverse, correction: &mut self.correction }.correct(rows, lambda, dt)
+    }
+}
+
+/// What the pair `k` of [`Bodies::pairs`](crate::world::Bodies) did in the last step; none where there is no such pair.
+pub(super) fn pair_force(ws: &StepWorkspace, k: usize) -> Option<PairForce> {
+    let blocks = ws.rigid.blocks.get(k)?.clone();
+    let mut sum = PairForce { contacts: blocks.len(), active: 0, normal: 0.0, force: Vector3::zeros() };
+    for (block, frame) in ws.rows.blocks.get(blocks.clone())?.iter().zip(ws.rows.frames.get(blocks)?) {
+        let force = ws.lambda.get(block.range()).filter(|force| force[0] > 0.0);
+        let Some(force) = force else { continue };
+        sum.active += 1;
+        sum.normal += force[0];
+        sum.force += frame.to_world(force);
+    }
+    Some(sum)
+}
+
+/// The law of contacts with a coefficient of friction.
+pub(super) fn law(friction: f64) -> Law {
+    if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() }
+}
+
+/// The free motion of the rigid bodies, and their `A⁻¹`.
+pub(super) fn rigid_motion(world: &World, state: &StepState, ws: &mut StepWorkspace) {
+    let gravity = world.model().gravity();
+    ws.rigid.inverse.clear();
+    ws.rigid.free.clear();
+    for (body, state) in world.bodies().rigid.iter().zip(&state.rigid) {
+        let inertia = state.inverse_inertia(&body.model);
+        ws.rigid.inverse.push(RigidInverse { mass: 1.0 / body.model.mass(), inertia });
+        ws.rigid.free.push(free_motion(&body.model, state, gravity, ws.dt));
+    }
+}
+
+/// Shape and place of a body that is not soft; for the tool its pose of the step's end.
+fn placed<'a>(
+    world: &'a World,
+    rigid: &[RigidState],
+    far: Far,
+    tool: &Isometry3<f64>,
+) -> Option<(&'a Solid, Isometry3<f64>)> {
+    match far {
+        Far::Tool => Some((world.tool_solid(), *tool)),
+        Far::Fixed(k) => world.bodies().fixed.get(k).map(|body| (&body.solid, body.pose)),
+        Far::Rigid(k) => {
+            let body = world.bodies().rigid.get(k)?;
+            Some((&body.solid, body.shape_pose(rigid.get(k)?)))
+        }
+    }
+}
+
+/// Contacts of all pairs at the begin of the step, on the surface that is refitted already.
+pub(super) fn detection(
+    world: &World,
+    tool: &Isometry3<f64>,
+    state: &mut StepState,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
+) {
+    report.bodies = BodiesReport::NONE;
+    let (q, rigid) = (&state.fem.q, &state.rigid);
+    let total = &mut report.bodies;
+    for (pair, found) in world.bodies().pairs.iter().zip(&mut state.pairs) {
+        let Some((far, far_pose)) = placed(world, rigid, pair.far, tool) else { continue };
+        match (&mut found.contacts, pair.near) {
+            (PairContacts::Tissue(contacts), _) => {
+                let seen = detect_solid(&ws.geometry, q, far, &far_pose, &pair.detection, &mut ws.detection, contacts);
+                total.contacts += seen.contacts as u32;
+                total.dropped += seen.dropped as u32;
+                total.non_finite += seen.non_finite as u32;
+                total.deepest_gap = total.deepest_gap.min(seen.deepest_gap);
+            }
+            (PairContacts::Solids(contacts), Near::Rigid(k)) => {
+                let Some((near, near_pose)) = placed(world, rigid, Far::Rigid(k), tool) else { continue };
+                let near = Placed { solid: near, pose: &near_pose };
+                let seen = meet(near, Placed { solid: far, pose: &far_pose }, &pair.detection, contacts);
+                total.contacts += seen.contacts as u32;
+                total.dropped += seen.dropped as u32;
+                total.non_finite += u32::from(seen.non_finite);
+                total.deepest_gap = contacts.iter().fold(total.deepest_gap, |least, c| least.min(c.gap));
+            }
+            (PairContacts::Solids(_), Near::Soft) => {}
+        }
+    }
+}
+
+/// Appends the rows of all pairs to those of the tool.
+pub(super) fn rows(
+    world: &World,
+    tool: &Isometry3<f64>,
+    motion: ToolMotion,
+    state: &StepState,
+    ws: &mut StepWorkspace,
+) -> RowReport {
+    let mut report = RowReport::default();
+    ws.rigid.skin_blocks = ws.rows.blocks.len();
+    ws.rigid.tool_blocks = ws.rigid.skin_blocks;
+    ws.rigid.blocks.clear();
+    for (pair, found) in world.bodies().pairs.iter().zip(&state.pairs) {
+        let from = ws.rows.blocks.len();
+        let counterpart = match pair.far {
+            Far::Tool => Some(Counterpart::Tool { reference: tool.translation.vector, motion }),
+            Far::Fixed(_) => Some(Counterpart::Fixed),
+            Far::Rigid(k) => ws.rigid.side(k, &state.rigid).map(Counterpart::Rigid),
+        };
+        let near = match pair.near {
+            Near::Soft => None,
+            Near::Rigid(k) => ws.rigid.side(k, &state.rigid),
+        };
+        let friction = pair.friction > 0.0;
+        report = report.and(match (&found.contacts, counterpart, near) {
+            (PairContacts::Tissue(set), Some(counterpart), _) => {
+                let free_of_node = world.model().free_of_node();
+                let input = RowInput { free_of_node, v_free: &ws.v_free, dt: ws.dt, counterpart, friction };
+                append_rows(&set.contacts, &input, &mut ws.rows)
+            }
+            (PairContacts::Solids(contacts), Some(counterpart), Some(near)) => {
+                append_solid_rows(contacts, &near, &counterpart, ws.dt, friction, &mut ws.rows)
+            }
+            _ => RowReport::default(),
+        });
+        let to = ws.rows.blocks.len();
+        ws.rigid.blocks.push(from..to);
+        if pair.far == Far::Tool {
+            ws.rigid.tool_blocks = to;
+        }
+    }
+    report
+}
+
+/// Pushes the law of every block, in their order.
+pub(super) fn push_laws(world: &World, of_tool: Law, ws: &mut StepWorkspace) {
+    (0..ws.rigid.skin_blocks).for_each(|_| ws.problem.push_block(of_tool));
+    for (pair, blocks) in world.bodies().pairs.iter().zip(&ws.rigid.blocks) {
+        blocks.clone().for_each(|_| ws.problem.push_block(law(pair.friction)));
+    }
+}
+
+/// Law and identity of a block of the tool on a rigid body, as the tick knows contacts: the identity holds the pair in the
+/// bits that features leave free.
+pub(super) fn tool_block(world: &World, state: &StepState, ws: &StepWorkspace, block: usize) -> Option<(Law, u64)> {
+    let pair = ws.rigid.blocks.iter().position(|blocks| blocks.contains(&block))?;
+    let contact = ws.rows.blocks.get(block)?.contact as usize;
+    let PairContacts::Solids(contacts) = &state.pairs.get(pair)?.contacts else { return None };
+    Some((law(world.bodies().pairs.get(pair)?.friction), contacts.get(contact)?.feature | (pair as u64 & 0x1ff) << 52))
+}
+
+/// First guesses of the forces of all pairs; a contact may have slid by `radius` (m).
+pub(super) fn fetch(state: &mut StepState, ws: &mut StepWorkspace, radius: f64) {
+    let m = ws.rows.len();
+    for (pair, blocks) in state.pairs.iter_mut().zip(&ws.rigid.blocks) {
+        let (warm, lambda) = (&mut pair.warm_start, &mut ws.lambda[..m]);
+        match &pair.contacts {
+            PairContacts::Tissue(set) => warm.fetch(&set.contacts, &ws.rows, blocks.clone(), radius, lambda),
+            PairContacts::Solids(contacts) => warm.fetch(contacts, &ws.rows, blocks.clone(), radius, lambda),
+        };
+    }
+}
+
+/// Remembers the forces of all pairs, counts those that act, and finds the gaps that they leave to the tool.
+pub(super) fn store(state: &mut StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
+    let m = ws.rows.len();
+    let lambda = &ws.lambda[..m];
+    report.bodies.active = 0;
+    for (pair, blocks) in state.pairs.iter_mut().zip(&ws.rigid.blocks) {
+        let warm = &mut pair.warm_start;
+        match &pair.contacts {
+            PairContacts::Tissue(set) => warm.store(&set.contacts, &ws.rows, blocks.clone(), lambda),
+            PairContacts::Solids(contacts) => warm.store(contacts, &ws.rows, blocks.clone(), lambda),
+        };
+        let of_pair = ws.rows.blocks.get(blocks.clone()).unwrap_or(&[]);
+        let acts = |first: u32| lambda.get(first as usize).is_some_and(|normal| *normal > 0.0);
+        report.bodies.active += of_pair.iter().filter(|block| acts(block.first_row)).count() as u32;
+    }
+    let of_tool = ws.tool_rows();
+    ws.rigid.tool_delta.clear();
+    ws.rigid.tool_delta.extend_from_slice(ws.rows.delta_free.get(..of_tool).unwrap_or(&[]));
+    let view = ws.problem.view();
+    for (j, l) in lambda.iter().enumerate().skip(of_tool).filter(|(_, l)| **l != 0.0) {
+        ws.rigid.tool_delta.iter_mut().zip(view.column(j)).for_each(|(delta, w)| *delta += w * l);
+    }
+}
+
+/// Numbers that tell where a rigid body is: origin of its shape (m), its orientation `[x, y, z, w]`, velocity of the centre
+/// of mass (m/s), angular velocity (rad/s).
+pub(crate) type Placement = ([f64; 3], [f64; 4], [f64; 3], [f64; 3]);
+
+/// Where every rigid body is, in the order of the scene.
+pub(crate) fn placements(world: &World, rigid: &[RigidState]) -> impl Iterator<Item = Placement> {
+    world.bodies().rigid.iter().zip(rigid).map(|(body, state)| {
+        let pose = body.shape_pose(state);
+        let rotation = pose.rotation.coords.into();
+        let angular = state.angular_velocity(&body.model);
+        (pose.translation.vector.into(), rotation, state.velocity.into(), angular.into())
+    })
+}
+
+/// The digest of placements (FNV-1a over their bits); 0 where there are none.
+pub(crate) fn digest(placements: impl Iterator<Item = Placement>) -> u64 {
+    let mut hash = 0;
+    for (position, orientation, velocity, angular) in placements {
+        for x in position.iter().chain(&orientation).chain(&velocity).chain(&angular) {
+            for byte in x.to_bits().to_le_bytes() {
+                hash = (hash ^ u64::from(byte) ^ 0xcbf2_9ce4_8422_2325).wrapping_mul(0x0100_0000_01b3);
+            }
+        }
+    }
+    hash
+}
+
+/// Moves the rigid bodies to the end of the step; false where a number is not finite.
+pub(super) fn advance_rigid(world: &World, state: &mut StepState, ws: &StepWorkspace, touched: bool) -> bool {
+    let none = Vector3::zeros();
+    let mut finite = true;
+    for (k, (body, state)) in world.bodies().rigid.iter().zip(&mut state.rigid).enumerate() {
+        let Some(free) = ws.rigid.free.get(k) else { continue };
+        let added = |twists: &[Twist]| twists.get(k).map_or((none, none), |t| (t.linear, t.angular));
+        let (carried, corrected) = (added(&ws.rigid.carried), added(&ws.rigid.correction));
+        let (v, w) = if touched { (carried.0 + corrected.0, carried.1 + corrected.1) } else { (none, none) };
+        advance(&body.model, state, free, &v, &w, ws.dt);
+        finite &= state.is_finite();
+    }
+    finite
+}

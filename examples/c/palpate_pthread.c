@@ -1,0 +1,242 @@
+/* A haptic driver in C: a thread that ticks at 1 kHz, and a device that exists in arithmetic only.
+ *
+ * The device is a mass held by a hand (spring and damper to a path that is scripted); it is pressed into the tissue, held
+ * there and taken away. A driver of hardware replaces read_device and write_device by the vendor's calls.
+ *
+ *   palpate_pthread [scene [seconds]]      "block" is a scene that the library carries
+ *
+ * Prints the force at each depth, the largest one, and what the simulation was like.
+ */
+#define _POSIX_C_SOURCE 200809L
+
+#include "palpate.h"
+
+#include <math.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#define PERIOD_NS 1000000 /* 1 kHz */
+#define SUBSTEPS 10       /* of the device's own motion */
+#define MOST_SAMPLES 60000
+#define PI 3.14159265358979323846
+
+/* The hand: published values of an arm that holds a stylus. The device: a light one with a little friction. */
+static const double HAND_MASS = 0.05, HAND_DAMPING = 4.0, HAND_STIFFNESS = 350.0;
+static const double DEVICE_MASS = 0.1, DEVICE_DAMPING = 0.2;
+
+/* Above the block of the bundled scene, and how far down the hand wants to go (m). */
+static const double START[3] = {0.0, 0.0, 0.050};
+static const double DESCENT = 0.014;
+static const double SKIN = 0.042; /* height of the ball's centre at which it touches: block 0.030, ball 0.012 */
+
+typedef struct {
+    double position[3], velocity[3]; /* m, m/s */
+    double force[3];                 /* of the motors, held from tick to tick (N) */
+} device;
+
+typedef struct {
+    double height, force, opposing; /* of the ball (m), norm and part along +z of the force on the hand (N) */
+    uint32_t contacts, flags;
+} sample;
+
+typedef struct {
+    palpate_port *port;
+    device device;
+    double seconds;
+    long ticks, late, errors;
+    double largest_force, largest_work;
+    uint32_t flags_seen;
+    sample *samples;
+} driver;
+
+/* Where the hand wants the device at time t of a run of length T: down in a quarter, hold for a half, and up. */
+static double wanted_height(double t, double T)
+{
+    double share = t < 0.25 * T ? t / (0.25 * T) : t > 0.75 * T ? (T - t) / (0.25 * T) : 1.0;
+    if (share < 0.0) share = 0.0;
+    return START[2] - DESCENT * 0.5 * (1.0 - cos(PI * share));
+}
+
+/* The device moves for dt under its motors' force and the hand's. Semi-implicit Euler: stable for these numbers. */
+static void move_device(device *d, double t, double dt, double T)
+{
+    const double mass = DEVICE_MASS + HAND_MASS;
+    for (int k = 0; k < SUBSTEPS; k++) {
+        double h = dt / SUBSTEPS;
+        double wanted[3] = {START[0], START[1], wanted_height(t + k * h, T)};
+        for (int i = 0; i < 3; i++) {
+            double f = d->force[i] + HAND_STIFFNESS * (wanted[i] - d->position[i]) -
+                       (HAND_DAMPING + DEVICE_DAMPING) * d->velocity[i];
+            d->velocity[i] += h * f / mass;
+            d->position[i] += h * d->velocity[i];
+        }
+    }
+}
+
+static void read_device(const device *d, palpate_input *in)
+{
+    for (int i = 0; i < 3; i++) {
+        in->position[i] = d->position[i];
+        in->velocity[i] = d->velocity[i];
+    }
+    in->orientation[0] = 1.0;
+    in->fields = PALPATE_INPUT_VELOCITY;
+}
+
+static void write_device(device *d, const palpate_output *out)
+{
+    for (int i = 0; i < 3; i++) d->force[i] = out->force[i];
+}
+
+static uint64_t now_ns(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (uint64_t)t.tv_sec * 1000000000u + (uint64_t)t.tv_nsec;
+}
+
+static void sleep_until(uint64_t ns)
+{
+    struct timespec t;
+    t.tv_sec = (time_t)(ns / 1000000000u);
+    t.tv_nsec = (long)(ns % 1000000000u);
+    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) != 0) {
+    }
+}
+
+/* The driver's thread. It keeps its beat; a beat that it misses is left out. */
+static void *drive(void *argument)
+{
+    driver *me = argument;
+    palpate_input in;
+    palpate_output out;
+    memset(&in, 0, sizeof in);
+    memset(&out, 0, sizeof out);
+    in.struct_size = sizeof in;
+    out.struct_size = sizeof out;
+    if (palpate_raise_priority() != PALPATE_STATUS_OK) fprintf(stderr, "driver: %s\n", palpate_last_error());
+
+    uint64_t start = now_ns(), next = start, before = start;
+    uint64_t end = start + (uint64_t)(me->seconds * 1e9);
+    while (next < end) {
+        sleep_until(next);
+        uint64_t now = now_ns();
+        double t = (double)(before - start) * 1e-9;
+        move_device(&me->device, t, (double)(now - before) * 1e-9, me->seconds);
+        before = now;
+
+        read_device(&me->device, &in);
+        in.time_ns = now;
+        palpate_status status = palpate_tick(me->port, &in, &out);
+        write_device(&me->device, &out); /* zero after an error */
+
+        if (status < 0) me->errors++;
+        me->flags_seen |= out.flags;
+        if (out.work > me->largest_work) me->largest_work = out.work;
+        double norm = sqrt(out.force[0] * out.force[0] + out.force[1] * out.force[1] + out.force[2] * out.force[2]);
+        if (norm > me->largest_force) me->largest_force = norm;
+        if (me->ticks < MOST_SAMPLES) {
+            sample s = {me->device.position[2], norm, out.force[2], out.contacts, out.flags};
+            me->samples[me->ticks] = s;
+        }
+        me->ticks++;
+        for (next += PERIOD_NS; next <= now; next += PERIOD_NS) me->late++;
+    }
+    return NULL;
+}
+
+static int check(palpate_status status, const char *what)
+{
+    if (status >= 0) return 0;
+    fprintf(stderr, "%s: %s: %s\n", what, palpate_status_text(status), palpate_last_error());
+    return 1;
+}
+
+/* The force by depth while the hand presses, in eight bins of a millimetre. */
+static void print_depths(const driver *d)
+{
+    double force[8] = {0}, opposing[8] = {0};
+    long count[8] = {0}, free_ticks = 0;
+    double largest_free = 0.0;
+    long n = d->ticks < MOST_SAMPLES ? d->ticks : MOST_SAMPLES;
+    for (long k = 0; k < n; k++) {
+        const sample *s = &d->samples[k];
+        double depth = SKIN - s->height;
+        int bin = (int)floor(depth * 1e3);
+        if (depth < -0.001 && s->contacts == 0) {
+            free_ticks++;
+            if (s->force > largest_free) largest_free = s->force;
+        }
+        if (bin < 0 || bin > 7 || (s->flags & PALPATE_TICK_FADE_IN)) continue;
+        force[bin] += s->force;
+        opposing[bin] += s->opposing;
+        count[bin]++;
+    }
+    printf("free: %ld ticks, largest force %.6f N\n", free_ticks, largest_free);
+    for (int bin = 0; bin < 8; bin++) {
+        if (count[bin] == 0) continue;
+        printf("depth %d to %d mm: force %.4f N, upwards %.4f N, %ld ticks\n", bin, bin + 1,
+               force[bin] / (double)count[bin], opposing[bin] / (double)count[bin], count[bin]);
+    }
+}
+
+static void print_statistics(const palpate_statistics_data *s)
+{
+    static const char *const phases[] = {"ready", "running", "paused", "stopped", "failed"};
+    printf("phase %s: %llu steps (%.1f Hz), %llu ticks (%.0f Hz), %llu missed by the driver, %llu refused\n",
+           s->phase < 5 ? phases[s->phase] : "unknown", (unsigned long long)s->steps, s->step_rate,
+           (unsigned long long)s->ticks, s->tick_rate, (unsigned long long)s->tick_overruns,
+           (unsigned long long)s->refused);
+    printf("tick: median %.1f us, 99 %% %.1f us, largest %.1f us; step: median %.2f ms\n", s->tick_work[0] * 1e6,
+           s->tick_work[1] * 1e6, s->tick_work[2] * 1e6, s->step_work[0] * 1e3);
+}
+
+int main(int argc, char **argv)
+{
+    const char *scene = argc > 1 ? argv[1] : "block";
+    driver driver;
+    memset(&driver, 0, sizeof driver);
+    driver.seconds = argc > 2 ? atof(argv[2]) : 4.0;
+    memcpy(driver.device.position, START, sizeof START);
+    if (!(driver.seconds > 0.0)) {
+        fprintf(stderr, "usage: %s [scene [seconds]]\n", argv[0]);
+        return 2;
+    }
+
+    palpate_options options;
+    memset(&options, 0, sizeof options);
+    options.struct_size = sizeof options;
+    options.threads = 1;
+    options.rate = 1e9 / PERIOD_NS;
+    options.max_force = 6.0;
+
+    palpate_simulation *simulation = NULL;
+    pthread_t thread;
+    int failed = 1;
+    printf("palpate %s, scene %s\n", palpate_version(), scene);
+    driver.samples = calloc(MOST_SAMPLES, sizeof *driver.samples);
+    if (driver.samples == NULL) return 1;
+    if (check(palpate_create_from_file(scene, &options, &simulation), "create") == 0 &&
+        check(palpate_open_port(simulation, &driver.port), "open") == 0 &&
+        check(palpate_start(simulation), "start") == 0) {
+        if (pthread_create(&thread, NULL, drive, &driver) == 0) {
+            pthread_join(thread, NULL);
+            palpate_statistics_data statistics;
+            memset(&statistics, 0, sizeof statistics);
+            statistics.struct_size = sizeof statistics;
+            failed = check(palpate_statistics(simulation, &statistics), "statistics");
+            print_depths(&driver);
+            print_statistics(&statistics);
+            printf("largest force %.4f N, largest work %.1f us, %ld late, %ld errors\n", driver.largest_force,
+                   driver.largest_work * 1e6, driver.late, driver.errors);
+        }
+        failed |= check(palpate_stop(simulation), "stop");
+    }
+    palpate_close_port(driver.port);
+    palpate_destroy(simulation);
+    free(driver.samples);
+    return failed || driver.errors > 0 ? 1 : 0;
+}
