@@ -10,7 +10,7 @@ use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 const MAY_KNOW: &[(&str, &[&str])] = &[
     ("palpate-constraints", &["palpate-fem", "palpate-collision"]),
     ("palpate-solver", &["palpate-constraints"]),
-    ("palpate-haptics", &["palpate-solver", "palpate-constraints"]),
+    ("palpate-haptics", &["palpate-solver", "palpate-constraints", "palpate-collision"]),
     ("palpate-devices", &["palpate-haptics", "palpate-trace"]),
     (
         "palpate",

@@ -12,7 +12,6 @@ use palpate::fem::element::ElementKind;
 use palpate::fem::material::PronyTerm;
 use palpate::haptics::exchange::latest;
 use palpate::haptics::script::ScriptKey;
-use palpate::haptics::snapshot::HapticSnapshot;
 use palpate::refresh::{FactorSample, refresh};
 use palpate::scene::{ContactMethod, IntegratorKind};
 use palpate::simulation::Simulation;
@@ -136,8 +135,7 @@ fn step_factor_and_tick_together_allocate_nothing_over_ten_thousand_ticks() {
             let first = FactorSample::new(world.symbolic(), 0, 0, 0.0, &rest.q, &ws.fem.system).unwrap();
             let (mut port, mut factors) = refresh(&first, &ws.fem.system);
             let mut state = StepState::new(&world, rest);
-            let capacity = world.detection().max_contacts;
-            let (mut snapshots, snapshot_reader) = latest(&HapticSnapshot::new(capacity));
+            let (mut snapshots, snapshot_reader) = latest(&world.empty_snapshot());
             let (pose_writer, mut poses) = latest::<Isometry3<f64>>(&world.first_pose());
             let mut ticker = Ticker::open(&world, snapshot_reader, pose_writer).unwrap();
             let (mut touching, mut free, mut refreshed, mut on, mut offs) = (0, 0, 0, false, 0);

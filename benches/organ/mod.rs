@@ -55,12 +55,15 @@ pub(crate) fn liver_of(cell: f64, material: Material) -> World {
 
 /// The liver under a ball that meets the nodes of its skin.
 pub(crate) fn liver_under_ball(cell: f64) -> World {
-    liver(cell, |scene| {
-        scene.tools[0].shape = ToolShape::sphere(BALL).expect("the radius is positive");
-        scene.contact.max_contacts = CAPACITY;
-        scene.contact.at = ContactKind::Nodes;
-        scene.hand.path.iter_mut().for_each(|key| key.position[1] -= BALL);
-    })
+    liver(cell, under_ball)
+}
+
+/// Puts a ball that meets the nodes of its skin in the place of the liver's tool.
+pub(crate) fn under_ball(scene: &mut SceneDescription) {
+    scene.tools[0].shape = ToolShape::sphere(BALL).expect("the radius is positive");
+    scene.contact.max_contacts = CAPACITY;
+    scene.contact.at = ContactKind::Nodes;
+    scene.hand.path.iter_mut().for_each(|key| key.position[1] -= BALL);
 }
 
 /// Size of the body as text for the name of a case.

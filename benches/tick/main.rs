@@ -1,11 +1,13 @@
-//! The haptic loop: ten seconds of palpation of the bundled liver in real time with all threads alive, then ticks alone
-//! on snapshots of a fist in the liver. Prints tails; asserts nothing.
+//! The haptic loop: ten seconds of palpation of the bundled liver in real time with all threads alive, the jumps of
+//! the force at new snapshots in lockstep, then ticks alone on snapshots of a fist in the liver. Prints tails; asserts
+//! nothing.
 //!
 //! `cargo bench --bench tick [-- --seconds S]`
 
 #![allow(clippy::print_stdout)]
 
 mod alone;
+mod jumps;
 #[path = "../organ/mod.rs"]
 mod organ;
 mod real_time;
@@ -23,6 +25,7 @@ const TICKS: u64 = 20_000;
 fn main() {
     let (seconds, ticks) = if organ::measuring() { (seconds().unwrap_or(10.0), TICKS) } else { (0.5, 500) };
     real_time::measure(seconds);
+    jumps::measure(seconds.min(5.0));
     alone::measure(&[10, 20, 45], ticks);
     println!("\n{}", table::machine());
 }

@@ -89,6 +89,17 @@ pub(crate) fn measure(seconds: f64) {
     }
     println!("conjugate-gradient iterations: median {:.0}, most {:.0}", s.iterations.p50, s.iterations.max);
     allocations_of_steps(&world, &gathered.tool);
+    without_priority(&world, 0.5 * seconds);
+}
+
+/// Wake-ups of the same scene under ordinary scheduling.
+fn without_priority(world: &World, seconds: f64) {
+    let length = Length::Seconds(seconds);
+    let options = RunOptions { length, real_time_priority: false, ..RunOptions::default() };
+    let outcome = run(world, &options, &AtomicBool::new(false), &mut Unobserved).expect("the bundled scene runs");
+    head("under SCHED_OTHER");
+    line("tick wake-up latency", &outcome.summary.tick_latency, MICROSECONDS, "");
+    println!("overruns of the tick: {}", outcome.summary.tick_overruns);
 }
 
 /// Steps again along the way that the tool went, and counts the allocations of the calling thread: those of the run's

@@ -2,7 +2,7 @@
 
 use palpate::summary::Percentiles;
 
-/// A unit of time.
+/// A unit.
 #[derive(Clone, Copy)]
 pub(crate) struct Unit {
     name: &'static str,
@@ -11,6 +11,8 @@ pub(crate) struct Unit {
 
 pub(crate) const MILLISECONDS: Unit = Unit { name: "ms", per_second: 1e3 };
 pub(crate) const MICROSECONDS: Unit = Unit { name: "µs", per_second: 1e6 };
+
+pub(crate) const MILLINEWTONS: Unit = Unit { name: "mN", per_second: 1e3 };
 
 /// The line above the tails.
 pub(crate) fn head(what: &str) {

@@ -9,7 +9,10 @@ pub(crate) fn summary(s: &RunSummary) -> String {
         "{} ({}, {} nodes, {} tetrahedra): {:.2} s, {}",
         s.scene, s.mode, s.nodes, s.tetrahedra, s.simulated, s.end
     )];
-    lines.push(format!("integrator: {}; contact by {}; law {}", s.integrator, s.contact, s.law));
+    lines.push(format!(
+        "integrator: {}; contact by {}; law {}; tick: {}",
+        s.integrator, s.contact, s.law, s.tick_method
+    ));
     lines.push(format!("plan: {}", s.plan));
     lines.push(tails(s).to_string());
     lines.push(facts(s).to_string());
@@ -57,6 +60,7 @@ fn tails(s: &RunSummary) -> Table {
     if s.body_contacts.max > 0.0 {
         row("contacts of fixed and rigid bodies", &s.body_contacts, 1.0, 0);
     }
+    row("jump of the force at a new snapshot [mN]", &s.force_jump, 1e3, 2);
     table
 }
 
@@ -90,7 +94,14 @@ fn facts(s: &RunSummary) -> Table {
         format!("{} / {}", s.factors_early, s.exact_steps),
     ]);
     table.add_row(["largest force [N]".to_string(), format!("{:.3}", s.largest_force)]);
-    table.add_row(["largest jump at a new snapshot [N]".to_string(), format!("{:.4}", s.largest_jump)]);
+    table.add_row([
+        "impulse of contact: steps / ticks [N s]".to_string(),
+        format!("{:.4} / {:.4}", s.impulse[0], s.impulse[1]),
+    ]);
+    table.add_row([
+        "steps: full patch / frozen rows at a rigid body; ticks beyond their patch".to_string(),
+        format!("{} / {}; {}", s.patches_full, s.frozen_at_rigid, s.beyond_patch),
+    ]);
     table.add_row([
         "contacts dropped / factors refused".to_string(),
         format!("{} / {}", s.contacts_dropped, s.factors_refused),

@@ -146,7 +146,6 @@ impl DetectionReport {
 #[derive(Clone, Debug)]
 pub struct DetectionWorkspace {
     pub(crate) features: Vec<Feature>,
-    held: Vec<Contact>,
     nodes: Visited,
     edges: Visited,
     hull: HullInWorld,
@@ -159,7 +158,6 @@ impl DetectionWorkspace {
     pub fn new(surface: &SurfaceGeometry) -> Self {
         Self {
             features: Vec::with_capacity(4 * surface.triangles().len() + 1024),
-            held: Vec::new(),
             nodes: Visited::new(surface.body_nodes()),
             edges: Visited::new(surface.edges().len()),
             hull: HullInWorld::default(),
@@ -259,9 +257,8 @@ pub fn detect(
     report.dropped = found.dropped;
 
     reject_wrong_side(&meeting, &mut ws.features, &came, out.side, &mut report);
-    ws.held.reserve(config.max_contacts);
-    report.merged = stand_in(&mut ws.features, &mut ws.held, tool.inner_radius());
-    keep_deepest(&mut ws.features, &ws.held, config, &mut out.contacts, &mut report);
+    report.merged = stand_in(&mut ws.features, tool.inner_radius());
+    keep_deepest(&mut ws.features, config, &mut out.contacts, &mut report);
     report
 }
 
@@ -274,7 +271,7 @@ struct Came {
 }
 
 /// Updates the outward normal of the skin through which the tool came. `touching`: the step before had contacts.
-fn follow_side(meeting: &Meeting, touching: bool, side: &mut Option<Vector3<f64>>) -> Came {
+fn follow_side(meeting: &Meeting<SurfaceGeometry>, touching: bool, side: &mut Option<Vector3<f64>>) -> Came {
     let Meeting { surface, positions, tool, pose } = *meeting;
     let mut innermost: Option<(f64, Vector3<f64>)> = None;
     let mut all_below = true;
@@ -300,41 +297,70 @@ fn follow_side(meeting: &Meeting, touching: bool, side: &mut Option<Vector3<f64>
 
 /// Drops features that do not face the side the tool came from, and those that the tool has not passed.
 fn reject_wrong_side(
-    meeting: &Meeting,
+    meeting: &Meeting<SurfaceGeometry>,
     features: &mut Vec<Feature>,
     came: &Came,
     side: Option<Vector3<f64>>,
     report: &mut DetectionReport,
 ) {
     let Some(side) = side else { return };
-    let before = features.len();
-    let passed = |x: &Vector3<f64>| {
+    report.wrong_side = keep_faced(features, &side, |x| {
         let core = meeting.tool.core(meeting.pose, x);
         came.through || meeting.surface.nearest(&core, meeting.positions).is_some_and(|near| near.signed_distance < 0.0)
-    };
+    });
+}
+
+/// Keeps the features on the side from which the tool came; `passed` says whether the tool's core for a point lies in the
+/// body, and is asked only where that decides. Returns how many features went.
+pub(crate) fn keep_faced(
+    features: &mut Vec<Feature>,
+    side: &Vector3<f64>,
+    passed: impl Fn(&Vector3<f64>) -> bool,
+) -> usize {
+    let before = features.len();
     features.retain(|f| {
-        let faces = f.side <= -1.0 || f.skin.dot(&side) > f.side;
+        let faces = f.side <= -1.0 || f.skin.dot(side) > f.side;
         faces && (f.side < 0.5 || passed(&f.contact.tissue_point))
     });
     if features.iter().any(|f| f.submerged) {
-        features.retain(|f| f.skin.dot(&side) >= 0.0);
+        features.retain(|f| f.skin.dot(side) >= 0.0);
     }
-    report.wrong_side = before - features.len();
+    before - features.len()
 }
 
 /// Merges near-duplicates into the deepest of them, held points apart, and keeps the deepest contacts, ascending by feature.
 pub(crate) fn keep_deepest(
     features: &mut Vec<Feature>,
-    held: &[Contact],
     config: &DetectionConfig,
     contacts: &mut Vec<Contact>,
     report: &mut DetectionReport,
 ) {
+    let kept = keep_deepest_of(features, config, contacts);
+    report.merged += kept.merged;
+    report.dropped += kept.dropped;
+    report.contacts = contacts.len();
+    report.deepest_gap = kept.deepest_gap;
+}
+
+/// What became of features that were no contact of their own.
+pub(crate) struct Kept {
+    pub(crate) merged: usize,
+    pub(crate) dropped: usize,
+    /// Least gap \[m\]; infinite without contacts.
+    pub(crate) deepest_gap: f64,
+}
+
+/// As [`keep_deepest`], without the report of a whole detection.
+pub(crate) fn keep_deepest_of(
+    features: &mut Vec<Feature>,
+    config: &DetectionConfig,
+    contacts: &mut Vec<Contact>,
+) -> Kept {
     // Triangles that share a vertex or an edge find the same point: one feature, one contact.
     features.sort_unstable_by(|a, b| a.contact.feature.cmp(&b.contact.feature).then(by_depth(a, b)));
     let before = features.len();
     features.dedup_by_key(|f| f.contact.feature);
-    report.merged += before - features.len();
+    let mut kept = Kept { merged: before - features.len(), dropped: 0, deepest_gap: f64::INFINITY };
     features.sort_unstable_by(by_depth);
 
     let near = config.merge_distance * config.merge_distance;
@@ -342,22 +368,22 @@ pub(crate) fn keep_deepest(
     contacts.reserve(config.max_contacts.min(features.capacity()));
     for (visited, feature) in features.iter().enumerate() {
         if contacts.len() == config.max_contacts {
-            report.dropped += features.len() - visited;
+            kept.dropped = features.len() - visited;
             break;
         }
         let c = &feature.contact;
-        let twin = |kept: &Contact| {
-            (kept.tissue_point - c.tissue_point).norm_squared() <= near
-                && kept.normal.dot(&c.normal) >= aligned
-                && !held.iter().any(|h| h.feature == kept.feature)
+        let twin = |other: &Contact| {
+            (other.tissue_point - c.tissue_point).norm_squared() <= near
+                && other.normal.dot(&c.normal) >= aligned
+                && !features.iter().any(|f| f.held && f.contact.feature == other.feature)
         };
         if !feature.held && contacts.iter().any(twin) {
-            report.merged += 1;
+            kept.merged += 1;
         } else {
             contacts.push(*c);
         }
     }
-    report.contacts = contacts.len();
-    report.deepest_gap = contacts.first().map_or(f64::INFINITY, |c| c.gap);
+    kept.deepest_gap = contacts.first().map_or(f64::INFINITY, |c| c.gap);
     contacts.sort_unstable_by_key(|c| c.feature);
+    kept
 }

@@ -28,10 +28,60 @@ pub(crate) fn by_depth(a: &Feature, b: &Feature) -> std::cmp::Ordering {
     a.contact.gap.total_cmp(&b.contact.gap).then(a.contact.feature.cmp(&b.contact.feature))
 }
 
-/// A surface, where it is, and the tool that meets it.
-#[derive(Clone, Copy)]
-pub(crate) struct Meeting<'a> {
-    pub(crate) surface: &'a SurfaceGeometry,
+/// What features are made of: a whole surface, or a patch of one. Nodes, triangles and edges are numbered within it; their
+/// names are those of the whole surface.
+pub(crate) trait Skin {
+    fn triangle(&self, t: u32) -> Option<[u32; 3]>;
+    /// Names of the edges of a triangle.
+    fn edge_names(&self, t: u32) -> [u32; 3];
+    /// Ends of an edge.
+    fn edge(&self, edge: u32) -> Option<[u32; 2]>;
+    /// Outward unit normal of a node; zero where it has none.
+    fn node_normal(&self, node: u32) -> Vector3<f64>;
+    fn node_name(&self, node: u32) -> u32;
+    fn triangle_name(&self, t: u32) -> u32;
+    fn edge_name(&self, edge: u32) -> u32;
+
+    /// Outward unit normal between the nodes of a triangle; zero where they cancel.
+    fn normal_at(&self, nodes: &[u32; 3], weights: &[f64; 3]) -> Vector3<f64> {
+        let sum = (0..3).map(|k| self.node_normal(nodes[k]) * weights[k]).sum::<Vector3<f64>>();
+        sum.try_normalize(1e-9).unwrap_or_else(Vector3::zeros)
+    }
+}
+
+impl Skin for SurfaceGeometry {
+    fn triangle(&self, t: u32) -> Option<[u32; 3]> {
+        self.triangles().get(t as usize).copied()
+    }
+
+    fn edge_names(&self, t: u32) -> [u32; 3] {
+        self.triangle_edges().get(t as usize).copied().unwrap_or_default()
+    }
+
+    fn edge(&self, edge: u32) -> Option<[u32; 2]> {
+        self.edges().get(edge as usize).copied()
+    }
+
+    fn node_normal(&self, node: u32) -> Vector3<f64> {
+        self.vertex_normal(node)
+    }
+
+    fn node_name(&self, node: u32) -> u32 {
+        node
+    }
+
+    fn triangle_name(&self, t: u32) -> u32 {
+        t
+    }
+
+    fn edge_name(&self, edge: u32) -> u32 {
+        edge
+    }
+}
+
+/// A skin, where it is, and the tool that meets it.
+pub(crate) struct Meeting<'a, S> {
+    pub(crate) surface: &'a S,
     pub(crate) positions: &'a [Vector3<f64>],
     pub(crate) tool: &'a ToolShape,
     pub(crate) pose: &'a Isometry3<f64>,
@@ -80,13 +130,18 @@ fn at(feature: u64, nodes: [u32; 3], weights: [f64; 3], tissue_point: Vector3<f6
     }
 }
 
-impl Meeting<'_> {
+impl<S: Skin> Meeting<'_, S> {
+    fn corners(&self, nodes: &[u32; 3]) -> Option<[Vector3<f64>; 3]> {
+        let at = |k: usize| self.positions.get(nodes[k] as usize).copied().filter(is_usable);
+        Some([at(0)?, at(1)?, at(2)?])
+    }
+
     /// A surface node against the tool.
     pub(crate) fn node(&self, node: u32, found: &mut Collector) {
         let Some(x) = self.positions.get(node as usize).copied().filter(is_usable) else { return };
-        let skin = self.surface.vertex_normal(node);
+        let skin = self.surface.node_normal(node);
         if let Some(touch) = touch(self.tool, self.pose, &x, &skin) {
-            let id = feature_id(FeatureKind::Vertex, node, 0);
+            let id = feature_id(FeatureKind::Vertex, self.surface.node_name(node), 0);
             found.offer(at(id, [node; 3], [1.0, 0.0, 0.0], x), skin, touch);
         }
     }
@@ -107,14 +162,15 @@ impl Meeting<'_> {
 
     /// The deepest points of a triangle in a sphere or capsule with this axis.
     pub(crate) fn face(&self, t: u32, axis: &[Vector3<f64>; 2], found: &mut Collector) {
-        let Some(corners) = self.surface.corners(t, self.positions) else { return };
-        let nodes = self.surface.triangles()[t as usize];
-        let edges = self.surface.triangle_edges()[t as usize];
+        let Some(nodes) = self.surface.triangle(t) else { return };
+        let Some(corners) = self.corners(&nodes) else { return };
+        let edges = self.surface.edge_names(t);
+        let names = nodes.map(|node| self.surface.node_name(node));
         samples(axis, &corners, |point, tool_feature| {
             let x = point.position(&corners);
-            let skin = self.surface.normal_at(t, &point.weights);
+            let skin = self.surface.normal_at(&nodes, &point.weights);
             if let Some(touch) = touch(self.tool, self.pose, &x, &skin) {
-                let id = point_feature(t, &nodes, &edges, &point, tool_feature);
+                let id = point_feature(self.surface.triangle_name(t), &names, &edges, &point, tool_feature);
                 found.offer(at(id, nodes, point.weights, x), skin, touch);
             }
         });
@@ -122,10 +178,11 @@ impl Meeting<'_> {
 
     /// Corners of a hull against a triangle. Tool features count from 1: 0 is the tissue's own closest point.
     pub(crate) fn hull_corners(&self, t: u32, hull: &ConvexHull, placed: &HullInWorld, found: &mut Collector) {
-        let Some(corners) = self.surface.corners(t, self.positions) else { return };
-        let nodes = self.surface.triangles()[t as usize];
+        let Some(nodes) = self.surface.triangle(t) else { return };
+        let Some(corners) = self.corners(&nodes) else { return };
+        let name = self.surface.triangle_name(t);
         placed.corners_on_triangle(hull, &corners, |corner, point, skin, touch| {
-            let id = feature_id(FeatureKind::Triangle, t, corner + 1);
+            let id = feature_id(FeatureKind::Triangle, name, corner + 1);
             found.offer(at(id, nodes, point.weights, point.position(&corners)), skin, touch);
         });
     }
@@ -139,13 +196,14 @@ impl Meeting<'_> {
         range: f64,
         found: &mut Collector,
     ) {
-        let [i, j] = self.surface.edges()[edge as usize];
+        let Some([i, j]) = self.surface.edge(edge) else { return };
+        let name = self.surface.edge_name(edge);
         let end = |node: u32| self.positions.get(node as usize).copied().filter(is_usable);
         let (Some(a), Some(b)) = (end(i), end(j)) else { return };
-        let mean = self.surface.vertex_normal(i) + self.surface.vertex_normal(j);
+        let mean = self.surface.node_normal(i) + self.surface.node_normal(j);
         let Some(skin) = mean.try_normalize(1e-9) else { return };
         placed.edges_on_edge(hull, [a, b], &skin, range, |tool_edge, t, touch| {
-            let id = feature_id(FeatureKind::Edge, edge, tool_edge + 1);
+            let id = feature_id(FeatureKind::Edge, name, tool_edge + 1);
             found.offer(at(id, [i, j, j], [1.0 - t, t, 0.0], a + (b - a) * t), skin, touch);
         });
     }

@@ -16,7 +16,7 @@
 use nalgebra::Vector3;
 
 use crate::contact::{Contact, ContactSet};
-use crate::features::Feature;
+use crate::features::{Feature, by_depth};
 
 /// A tissue point that carried a force in the step before.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,25 +54,32 @@ const NEXT_ON_FEATURE: u64 = 3 << 32;
 
 /// Drops new points for which a held one stands, and gives the others identifiers that no held one has.
 ///
-/// `radius` \[m\] of the tool. Returns how many were dropped. `held` is scratch.
-pub(crate) fn stand_in(features: &mut Vec<Feature>, held: &mut Vec<Contact>, radius: f64) -> usize {
-    held.clear();
-    held.extend(features.iter().filter(|f| f.held).map(|f| f.contact));
-    if held.is_empty() {
+/// `radius` \[m\] of the tool. Returns how many were dropped. Held points come first afterwards.
+pub(crate) fn stand_in(features: &mut Vec<Feature>, radius: f64) -> usize {
+    if !features.iter().any(|f| f.held) {
         return 0;
     }
+    features.sort_unstable_by(|a, b| {
+        (b.held.cmp(&a.held)).then(a.contact.feature.cmp(&b.contact.feature)).then(by_depth(a, b))
+    });
+    let first_new = features.partition_point(|f| f.held);
+    let (held, new) = features.split_at_mut(first_new);
     let near = NEAR * radius;
     let sag = near * near / (2.0 * radius);
     let stands_for = |h: &Contact, c: &Contact| {
         let apart: Vector3<f64> = h.tissue_point - c.tissue_point;
         h.gap <= c.gap + sag && apart.norm_squared() <= near * near && h.normal.dot(&c.normal) >= ALIGNED
     };
-    let before = features.len();
-    features.retain(|f| f.held || !held.iter().any(|h| stands_for(h, &f.contact)));
-    for f in features.iter_mut().filter(|f| !f.held) {
-        while held.iter().any(|h| h.feature == f.contact.feature) {
+    for f in new {
+        if held.iter().any(|h| stands_for(&h.contact, &f.contact)) {
+            // No feature comes in with such a gap.
+            f.contact.gap = f64::NAN;
+        }
+        while held.iter().any(|h| h.contact.feature == f.contact.feature) {
             f.contact.feature += NEXT_ON_FEATURE;
         }
     }
+    let before = features.len();
+    features.retain(|f| !f.contact.gap.is_nan());
     before - features.len()
 }

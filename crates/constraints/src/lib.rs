@@ -2,6 +2,7 @@
 
 pub mod body;
 pub mod compliance;
+pub mod condensed;
 pub mod frame;
 pub mod law;
 pub mod lumped;

@@ -1,4 +1,5 @@
-//! Ten thousand ticks with contacts that come and go, for a run under RealtimeSanitizer.
+//! Ten thousand ticks with contacts that come and go, on frozen rows and on patches of tissue, for a run under
+//! RealtimeSanitizer.
 //!
 //! `Tick::tick` and its two companions are marked `nonblocking` under `cfg(rtsan)`; the sanitizer then stops the
 //! program at the first allocation, lock or system call inside them and prints the stack:
@@ -20,7 +21,11 @@ use palpate_haptics::hand::Hand;
 use palpate_haptics::run::run_tick;
 use palpate_haptics::script::HandScript;
 use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
-use palpate_haptics::tick::{Tick, TickConfig, TickState, TickWorkspace};
+use palpate_haptics::tick::{PatchTickConfig, Tick, TickConfig};
+use sheet::{Ball, Sheet, pose};
+
+#[path = "../tests/sheet/mod.rs"]
+mod sheet;
 
 const CONTACTS: usize = 12;
 const PERIOD: f64 = 1e-3;
@@ -52,16 +57,50 @@ fn main() -> Result<(), Box<dyn Error>> {
     if std::env::args().any(|argument| argument == "provoke") {
         println!("an allocation of {} bytes went unseen", provoke().len());
     }
-    let script = HandScript::at(Vector3::z() * 2e-3).stroke(Vector3::new(4e-3, 0.0, -6e-3), 1.0, 10)?;
+    let ball = Ball::at_faces(5e-3);
+    let (tool, detection, hand_over) = (ball.shape.clone(), ball.detection, PatchTickConfig::HAND_OVER);
+    let on_patches = PatchTickConfig { tool, detection, max_nodes: 40, hand_over };
+    run("frozen rows", None, fill)?;
+    // Steps make patches with what memory they like; the tick takes copies.
+    let patches: Vec<_> = (0..6)
+        .map(|k| {
+            let sheet = Sheet {
+                friction: 0.3,
+                coupling: 0.3,
+                lift: Vector3::z() * 2e-4 * f64::from(k),
+                ..Sheet::springs(1e-3)
+            };
+            sheet.snapshot(1, &ball, &pose(Vector3::new(2e-3 * f64::from(k), 0.0, 5e-3)))
+        })
+        .collect();
+    run("patches", Some(on_patches), |snapshot, step| {
+        snapshot.copy_from(&patches[(step % 6) as usize]);
+        snapshot.step = step;
+    })
+}
+
+/// Ticks on the snapshots that `step` makes.
+fn run(
+    what: &str,
+    on_patches: Option<PatchTickConfig>,
+    mut step: impl FnMut(&mut HapticSnapshot, u64),
+) -> Result<(), Box<dyn Error>> {
+    // Over the sheet the ball's centre is at 5 mm when it touches.
+    let height = if on_patches.is_some() { 7e-3 } else { 2e-3 };
+    let nodes = on_patches.as_ref().map_or(0, |config| config.max_nodes);
+    let script = HandScript::at(Vector3::z() * height).stroke(Vector3::new(4e-3, 0.0, -6e-3), 1.0, 10)?;
     let mut device = VirtualDevice::new(VirtualDeviceConfig::default(), Hand::preset("fingertip")?, script)?;
-    let tick = Tick::new(&TickConfig::for_device(device.spec()), device.spec())?;
-    let (mut state, mut ws) = (TickState::new(CONTACTS), TickWorkspace::new(CONTACTS));
-    let (mut writer, mut reader) = latest(&HapticSnapshot::new(CONTACTS));
+    let mut tick = Tick::new(&TickConfig::for_device(device.spec()), device.spec())?;
+    if let Some(config) = on_patches {
+        tick = tick.on_patches(config)?;
+    }
+    let (mut state, mut ws) = (tick.state(40), tick.workspace(40));
+    let (mut writer, mut reader) = latest(&HapticSnapshot::with_patch(40, nodes));
 
     let (mut pressed, mut most) = (0, 0);
     for index in 0..10_000 {
         if index % 33 == 1 {
-            fill(writer.value_mut(), index / 33 + 1);
+            step(writer.value_mut(), index / 33 + 1);
             writer.publish();
         }
         let time = TickTime::regular(index, PERIOD);
@@ -69,6 +108,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         pressed += u32::from(record.active > 0);
         most = most.max(record.active);
     }
-    println!("10000 ticks, {pressed} with contact, at most {most} contacts carrying force");
+    println!("10000 ticks on {what}, {pressed} with contact, at most {most} contacts carrying force");
     Ok(())
 }

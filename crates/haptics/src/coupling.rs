@@ -154,6 +154,12 @@ impl Coupling {
         self.translation.compliance
     }
 
+    /// The same of the rotation \[rad/(N m)\]; 0 where it is rigid.
+    #[must_use]
+    pub fn rotational_compliance(&self) -> f64 {
+        self.rotation.compliance
+    }
+
     /// Where the tool would be without contact.
     #[must_use]
     pub fn predict(&self, state: &CouplingState, device: &Isometry3<f64>) -> Isometry3<f64> {

@@ -3,8 +3,16 @@
 //! Both are wait-free on either side, allocate at construction only, and never free on the reading thread: the three
 //! buffers of [`latest`] go round, and the values of [`every`] are `Copy`.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+#[cfg(loom)]
+use loom::sync::{
+    Arc,
+    atomic::{AtomicU64, Ordering},
+};
+#[cfg(not(loom))]
+use std::sync::{
+    Arc,
+    atomic::{AtomicU64, Ordering},
+};
 
 /// A "latest value" channel: the reader sees the newest published value, older ones are lost.
 ///

@@ -38,8 +38,12 @@ impl TickFlags {
     pub const TRUNCATED: Self = Self(1 << 12);
     /// The device's pose was not finite, not a rotation, or beyond all bounds: no force.
     pub const BAD_POSE: Self = Self(1 << 13);
+    /// The contacts are those of this tick on the snapshot's patch; without it, the snapshot's frozen rows.
+    pub const LOCAL: Self = Self(1 << 14);
+    /// The tool has gone so far since the snapshot that skin beyond its patch could touch it unseen.
+    pub const BEYOND_PATCH: Self = Self(1 << 15);
 
-    const NAMES: [&'static str; 14] = [
+    const NAMES: [&'static str; 16] = [
         "new_snapshot",
         "no_snapshot",
         "invalid_snapshot",
@@ -54,6 +58,8 @@ impl TickFlags {
         "not_converged",
         "truncated",
         "bad_pose",
+        "local",
+        "beyond_patch",
     ];
 
     /// The bits.

@@ -8,6 +8,9 @@
 //! the rate of the gap, so the wrench on the tool is Jᵀ λ. A row between two bodies has zeros there, and acts on the
 //! tool through W alone.
 //!
+//! Beside these rows, which are frozen from one step to the next, a snapshot may carry the tissue around the tool
+//! ([`HapticPatch`]), on which the tick finds contacts anew each time.
+//!
 //! The step fills it in place: [`HapticSnapshot::clear`], then [`HapticSnapshot::push`] for each contact, then
 //! [`HapticSnapshot::compliance_mut`] and the public fields. Nothing is allocated after [`HapticSnapshot::new`]; a
 //! clone has the same capacity.
@@ -15,6 +18,8 @@
 use nalgebra::Isometry3;
 use palpate_constraints::law::Law;
 use palpate_solver::problem::Block;
+
+use crate::patch::HapticPatch;
 
 /// Most rows that one law couples.
 pub const ROWS_PER_CONTACT: usize = palpate_constraints::law::MAX_BLOCK_ROWS;
@@ -53,6 +58,8 @@ pub struct HapticSnapshot {
     pub factor_age: f64,
     /// Contacts of the step that found no room here.
     pub dropped: u32,
+    /// The tissue around the tool.
+    pub patch: HapticPatch,
     contacts: usize,
     rows: usize,
     blocks: Vec<Block>,
@@ -64,9 +71,15 @@ pub struct HapticSnapshot {
 }
 
 impl HapticSnapshot {
-    /// An empty snapshot, not valid, with room for `max_contacts` contacts of three rows.
+    /// An empty snapshot, not valid, with room for `max_contacts` contacts of three rows and for no patch.
     #[must_use]
     pub fn new(max_contacts: usize) -> Self {
+        Self::with_patch(max_contacts, 0)
+    }
+
+    /// An empty snapshot, not valid, with room for `max_contacts` contacts of three rows and a patch of `max_nodes` nodes.
+    #[must_use]
+    pub fn with_patch(max_contacts: usize, max_nodes: usize) -> Self {
         let rows = ROWS_PER_CONTACT * max_contacts;
         let no_block = Block { start: 0, law: palpate_constraints::law::Signorini.into() };
         Self {
@@ -78,6 +91,7 @@ impl HapticSnapshot {
             factor_epoch: 0,
             factor_age: 0.0,
             dropped: 0,
+            patch: HapticPatch::new(max_nodes),
             contacts: 0,
             rows: 0,
             blocks: vec![no_block; max_contacts],
@@ -101,6 +115,7 @@ impl HapticSnapshot {
         self.rows = 0;
         self.dropped = 0;
         self.valid = false;
+        self.patch.clear();
     }
 
     /// Adds a contact. Returns false, and counts it in `dropped`, if there is no room or if the slices do not have the
@@ -131,7 +146,7 @@ impl HapticSnapshot {
     /// Makes this a copy of `other` without allocating. Returns false, and is left cleared, if `other` does not fit.
     pub fn copy_from(&mut self, other: &Self) -> bool {
         self.clear();
-        if other.contacts > self.max_contacts() {
+        if other.contacts > self.max_contacts() || !self.patch.copy_from(&other.patch) {
             return false;
         }
         (self.contacts, self.rows, self.dropped) = (other.contacts, other.rows, other.dropped);

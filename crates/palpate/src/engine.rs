@@ -73,7 +73,7 @@ impl<'w, T> Engine<'w, T> {
             (RefreshPort::fixed(factor), None)
         };
         let (pose_writer, poses) = latest(&first);
-        let (snapshots, snapshot_reader) = latest(&HapticSnapshot::new(world.detection().max_contacts));
+        let (snapshots, snapshot_reader) = latest(&world.empty_snapshot());
         let (line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, device, &mut notes)?;
         let ticker = make(TickEnds { snapshots: snapshot_reader, poses: pose_writer, line: tick_line })?;
         let state = StepState::new(world, rest);

@@ -10,7 +10,7 @@ use crate::refresh::RefreshReport;
 use crate::run::{Observer, Progress};
 use crate::step::{FactorFit, StepReport, StepStatus};
 use crate::summary::{EventRecord, RunEnd, RunSummary, Tail};
-use crate::tick::TickReport;
+use crate::tick::{TickFlags, TickReport};
 use crate::world::World;
 
 /// Tails, counts and extremes of a run so far.
@@ -54,6 +54,13 @@ pub(crate) struct Gathering {
     changes: Vec<EventRecord>,
     outdated: u64,
     events: Vec<String>,
+    force_jump: Tail,
+    beyond_patch: u64,
+    patches_full: u64,
+    frozen_at_rigid: u64,
+    impulse: [f64; 2],
+    /// Length of a step and of a tick (s).
+    lengths: [f64; 2],
     /// Ticks whose device did not answer, with time and reason of the first.
     unanswered: u64,
     first_unanswered: Option<(f64, DeviceError)>,
@@ -103,6 +110,12 @@ impl Gathering {
             changes: Vec::new(),
             outdated: 0,
             events: world.changes().iter().map(|change| change.text().to_string()).collect(),
+            force_jump: Tail::new(1e-9),
+            beyond_patch: 0,
+            patches_full: 0,
+            frozen_at_rigid: 0,
+            impulse: [0.0; 2],
+            lengths: [world.dt(), 1.0 / world.description().rates.tick],
             unanswered: 0,
             first_unanswered: None,
         }
@@ -143,6 +156,9 @@ impl Gathering {
             self.changes.extend(texts.iter().map(event));
         }
         self.outdated += u64::from(report.change.factor == FactorFit::Outdated);
+        self.patches_full += u64::from(report.patch.left_out > 0);
+        self.frozen_at_rigid += u64::from(report.frozen_at_rigid);
+        self.impulse[0] += report.force.norm() * self.lengths[0];
         if report.status == StepStatus::RolledBack {
             self.failed = true;
             let place = match report.failed {
@@ -181,6 +197,11 @@ impl Gathering {
         self.force = record.wrench.force.norm();
         self.largest_force = self.largest_force.max(self.force);
         self.largest_jump = self.largest_jump.max(record.force_jump);
+        if record.flags.contains(TickFlags::NEW_SNAPSHOT) && record.active > 0 {
+            self.force_jump.record(record.force_jump);
+        }
+        self.beyond_patch += u64::from(record.flags.contains(TickFlags::BEYOND_PATCH));
+        self.impulse[1] += record.contact_wrench.force.norm() * self.lengths[1];
         self.worst_tick_residual = self.worst_tick_residual.max(record.residual);
         if let Some(error) = record.device_error {
             self.unanswered += 1;
@@ -258,6 +279,12 @@ impl Gathering {
             largest_jump: self.largest_jump,
             events: self.changes,
             outdated_steps: self.outdated,
+            force_jump: self.force_jump.percentiles(),
+            tick_method: world.tick_method(),
+            beyond_patch: self.beyond_patch,
+            patches_full: self.patches_full,
+            frozen_at_rigid: self.frozen_at_rigid,
+            impulse: self.impulse,
             records_missed: self.missed,
             files: trace.iter().map(|t| t.path.clone()).collect(),
             trace,

@@ -60,7 +60,7 @@ fn beat(
         if stop.load(Ordering::Relaxed) {
             return RunEnd::Interrupted;
         }
-        if time * rates.step >= clock.step as f64 - 1e-9 && clock.step < last_step {
+        if is_due(time, rates.step, clock.step) && clock.step < last_step {
             refresh(engine, &mut clock, time, gathering);
             let report = engine.stage.advance(time);
             clock.step += 1;
@@ -97,6 +97,15 @@ fn release(engine: &mut Engine<'_>, index: u64, observer: &mut dyn Observer, gat
     }
 }
 
+/// Share of a period that passes for none: far above the rounding of a day's count, far below a tick.
+const ROUNDING: f64 = 1e-6;
+
+/// Whether event `count`, from 0, of a stage at `rate` (Hz) begins at `time` (s) or before. Counts are integers, and each
+/// time is derived from one, so nothing adds up over a run.
+fn is_due(time: f64, rate: f64, count: u64) -> bool {
+    time * rate >= count as f64 - ROUNDING
+}
+
 /// One tick in virtual time; the wrench that it sent.
 fn tick(engine: &mut Engine<'_>, time: f64, observer: &mut dyn Observer, gathering: &mut Gathering) -> Wrench {
     let record = engine.ticker.tick(time, engine.ticker.period());
@@ -127,9 +136,9 @@ fn refresh(engine: &mut Engine<'_>, clock: &mut Clock, time: f64, gathering: &mu
         }
         clock.due = None;
     }
-    if clock.due.is_none() && time * rates.factor >= clock.asked as f64 - 1e-9 {
+    if clock.due.is_none() && is_due(time, rates.factor, clock.asked) {
         stage.want();
-        clock.asked = (time * rates.factor + 1e-9) as u64 + 1;
+        clock.asked = (time * rates.factor + ROUNDING) as u64 + 1;
         clock.due = Some(time + rates.factor_delay);
     }
 }
@@ -165,6 +174,23 @@ mod tests {
 
     fn world() -> World {
         Scene::from_toml(PRESS, std::path::Path::new("")).unwrap().build().unwrap()
+    }
+
+    #[test]
+    fn a_day_of_ticks_has_all_its_steps_each_in_its_tick() {
+        const DAY: u64 = 24 * 3600;
+        for (step, tick) in [(30_u64, 1000_u64), (60, 1000), (100, 1000)] {
+            let mut steps = 0;
+            for index in 0..DAY * tick {
+                let time = index as f64 / tick as f64;
+                if is_due(time, step as f64, steps) {
+                    // The first tick at or after steps/step seconds, in integers.
+                    assert_eq!(index, (steps * tick).div_ceil(step), "step {steps}");
+                    steps += 1;
+                }
+            }
+            assert_eq!(steps, DAY * step);
+        }
     }
 
     #[test]

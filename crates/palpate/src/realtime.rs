@@ -32,7 +32,7 @@ const PRIORITY_REMEDY: &str = "the tick thread runs without real-time priority; 
 /// Who ticks.
 pub(crate) enum TickThread<'a> {
     /// A thread of this run.
-    Own { ticker: &'a mut Ticker, reports: Sender<TickReport> },
+    Own { ticker: &'a mut Ticker, reports: Sender<TickReport>, real_time_priority: bool },
     /// A thread of the caller, through a [`Port`](crate::session::Port).
     Elsewhere,
 }
@@ -61,7 +61,8 @@ pub(crate) fn run(
 ) -> Result<RunOutcome, RunError> {
     let (mut ticker, engine) = engine.split();
     let (reports, told) = tick_reports(engine.world);
-    let ticks = Ticks { thread: TickThread::Own { ticker: &mut ticker, reports }, told };
+    let real_time_priority = options.real_time_priority;
+    let ticks = Ticks { thread: TickThread::Own { ticker: &mut ticker, reports, real_time_priority }, told };
     let seconds = options.length.seconds(engine.world.dt());
     let switches = Switches { stop, paused: &AtomicBool::new(false) };
     attend(engine, pool, ticks, Instant::now(), seconds, switches, observer)
@@ -99,9 +100,9 @@ pub(crate) fn attend(
         let _told = EndOnDrop(end_all);
         let elsewhere = matches!(ticks.thread, TickThread::Elsewhere);
         let ticking = match ticks.thread {
-            TickThread::Own { ticker, reports } => spawn("palpate-tick")
+            TickThread::Own { ticker, reports, real_time_priority } => spawn("palpate-tick")
                 .spawn_scoped(scope, move || {
-                    granted.store(raise_priority(), Ordering::Relaxed);
+                    granted.store(!real_time_priority || raise_priority(), Ordering::Relaxed);
                     let _ends = EndOnDrop(end_all);
                     tick_loop(ticker, Pacer::new(start, rates.tick), reports, end_all);
                 })

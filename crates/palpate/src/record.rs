@@ -323,6 +323,8 @@ impl TickLine {
         flags.set(trace::TickFlags::BAD_POSE, r.flags.contains(TickFlags::BAD_POSE));
         flags.set(trace::TickFlags::NEW_SNAPSHOT, r.flags.contains(TickFlags::NEW_SNAPSHOT));
         flags.set(trace::TickFlags::UNCONVERGED, r.flags.contains(TickFlags::NOT_CONVERGED));
+        flags.set(trace::TickFlags::LOCAL, r.flags.contains(TickFlags::LOCAL));
+        flags.set(trace::TickFlags::BEYOND_PATCH, r.flags.contains(TickFlags::BEYOND_PATCH));
         line.push(trace::TickRecord {
             tick: r.index,
             time_ns: nanoseconds(r.time),

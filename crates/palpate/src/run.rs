@@ -44,11 +44,20 @@ pub struct RunOptions {
     /// Existing folder for the contact problems of all steps, one file each (see [`crate::problem_files`]). Written by the
     /// step, which is slower for it and allocates; the tick is not and does not.
     pub problems: Option<PathBuf>,
+    /// Asks the system for a real-time policy for the tick thread; without it, for comparison, ordinary scheduling.
+    pub real_time_priority: bool,
 }
 
 impl Default for RunOptions {
     fn default() -> Self {
-        Self { length: Length::Seconds(10.0), lockstep: false, threads: None, trace: None, problems: None }
+        Self {
+            length: Length::Seconds(10.0),
+            lockstep: false,
+            threads: None,
+            trace: None,
+            problems: None,
+            real_time_priority: true,
+        }
     }
 }
 

@@ -43,7 +43,7 @@ impl<'w> Simulation<'w> {
             ws,
             factor,
             spare: Factor::with_single_precision_copy(Arc::clone(world.symbolic())),
-            snapshot: HapticSnapshot::new(world.detection().max_contacts),
+            snapshot: world.empty_snapshot(),
             refresh_every: 1,
             settled,
             watch: None,

@@ -268,6 +268,19 @@ pub struct RunSummary {
     pub events: Vec<EventRecord>,
     /// Steps whose factor was of a body before an event and could not follow it.
     pub outdated_steps: u64,
+    /// Jumps of the force at new snapshots that came while the tool was in contact (N).
+    pub force_jump: Percentiles,
+    /// What contact problem the tick solved.
+    pub tick_method: String,
+    /// Ticks in which skin beyond the patch could have touched the tool unseen.
+    pub beyond_patch: u64,
+    /// Steps whose patch had no room for all of the skin near the tool.
+    pub patches_full: u64,
+    /// Steps that handed frozen rows to the tick in place of a patch since the tool was at a rigid body.
+    pub frozen_at_rigid: u64,
+    /// Impulse of the contact forces over the run (N s): what the steps put on the tissue, and what the ticks found, before
+    /// limits and fades.
+    pub impulse: [f64; 2],
     /// Records that the observer missed because its ring was full.
     pub records_missed: u64,
     /// What the trace holds.

@@ -1,11 +1,12 @@
 //! The tick stage (1 kHz): device, latest snapshot, local contact problem, wrench; and the tool's pose for the step.
 
 use nalgebra::Isometry3;
+use palpate_haptics::SetupError;
 use palpate_haptics::device::{DeviceSpec, HapticDevice, TickTime};
 use palpate_haptics::exchange::{Reader, Writer};
 use palpate_haptics::run::run_tick;
 use palpate_haptics::snapshot::HapticSnapshot;
-use palpate_haptics::tick::{Tick, TickConfig, TickState, TickWorkspace};
+use palpate_haptics::tick::{PatchTickConfig, Tick, TickConfig, TickState, TickWorkspace};
 use palpate_haptics::wrench::Wrench;
 
 pub use palpate_haptics::record::{TickFlags, TickRecord};
@@ -51,9 +52,19 @@ impl TickStage {
         poses: Writer<Isometry3<f64>>,
         line: TickLine,
     ) -> Result<Self, RunError> {
-        let tick = Tick::new(config, spec).map_err(|e| RunError::Device(e.to_string()))?;
+        let refused = |e: SetupError| RunError::Device(e.to_string());
+        let mut tick = Tick::new(config, spec).map_err(refused)?;
+        if world.patch_nodes() > 0 {
+            let on_patches = PatchTickConfig {
+                tool: world.tool().clone(),
+                detection: *world.detection(),
+                max_nodes: world.patch_nodes(),
+                hand_over: world.description().tick.hand_over,
+            };
+            tick = tick.on_patches(on_patches).map_err(refused)?;
+        }
         let contacts = world.detection().max_contacts;
-        let (state, ws) = (TickState::new(contacts), TickWorkspace::new(contacts));
+        let (state, ws) = (tick.state(contacts), tick.workspace(contacts));
         Ok(Self { tick, state, ws, snapshots, poses, line, index: 0, placed: false })
     }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-type Outcome = Result<(), String>;
+pub(crate) type Outcome = Result<(), String>;
 
 struct Guard {
     name: &'static str,
@@ -23,6 +23,7 @@ const GUARDS: &[Guard] = &[
     Guard { name: "embed", what: "the C example builds by its Makefile and runs", run: embed },
     Guard { name: "trace", what: "an independent reader decodes the trace", run: trace },
     Guard { name: "realtime", what: "RealtimeSanitizer finds nothing in the tick", run: realtime },
+    Guard { name: "loom", what: "every order of two threads hands values over whole", run: crate::loom::check },
 ];
 
 /// Runs the chosen guards; stops at the first that fails.
@@ -48,7 +49,7 @@ pub(crate) fn run(only: &[String], skip: &[String]) -> Outcome {
 }
 
 /// The root of the workspace.
-fn root() -> PathBuf {
+pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap_or(Path::new(".")).to_path_buf()
 }
 
@@ -59,14 +60,14 @@ fn output_folder() -> Result<PathBuf, String> {
     Ok(folder)
 }
 
-fn execute(command: &mut Command) -> Outcome {
+pub(crate) fn execute(command: &mut Command) -> Outcome {
     let shown = format!("{command:?}");
     println!("$ {shown}");
     let status = command.current_dir(root()).status().map_err(|e| format!("{shown}: {e}"))?;
     if status.success() { Ok(()) } else { Err(format!("{shown}: {status}")) }
 }
 
-fn cargo(arguments: &[&str]) -> Command {
+pub(crate) fn cargo(arguments: &[&str]) -> Command {
     let mut command = Command::new(std::env::var("CARGO").unwrap_or_else(|_| "cargo".into()));
     command.args(arguments);
     command

@@ -3,6 +3,7 @@
 #![allow(clippy::print_stdout)]
 
 mod guard;
+mod loom;
 
 use std::process::ExitCode;
 
@@ -18,7 +19,7 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Run every guard: format, lints, docs, tests, examples, the program, its trace, real-time safety.
+    /// Run every guard: format, lints, docs, tests, examples, the program, its trace, real-time safety, hand-over between threads.
     Test {
         /// Run only these guards.
         #[arg(long, value_name = "GUARD", value_delimiter = ',')]

@@ -42,6 +42,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<u8> {
         threads: arguments.threads,
         trace: outputs.trace.clone(),
         problems: arguments.save_problems.clone(),
+        ..RunOptions::default()
     };
     let mut watcher = Watcher {
         line: (!arguments.quiet).then(|| ProgressLine::new(options.length.seconds(world.dt()))),

@@ -22,6 +22,7 @@ mod faceted;
 mod linearization;
 mod local;
 mod signorini;
+mod sticking;
 mod threshold;
 mod tresca;
 

@@ -65,7 +65,7 @@ impl RowBlock {
 }
 
 /// Rows of all contacts of a step. Workspace: refilled at every step.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct ContactRows {
     /// `H` over the free nodes of the body [-].
     pub tissue: NodalRows,

@@ -5,6 +5,7 @@ use palpate_constraints::law::Signorini;
 use palpate_solver::gauss_seidel::{self, GaussSeidelConfig, GaussSeidelWorkspace};
 use palpate_solver::problem::{Block, ProblemView};
 
+use super::patch::{PatchTickConfig, PatchWorkspace};
 use super::warm_start::WarmStart;
 use crate::coupling::Coupling;
 use crate::snapshot::{HapticSnapshot, ROWS_PER_CONTACT};
@@ -16,13 +17,15 @@ pub struct TickWorkspace {
     /// Snapshot that `w` was made from.
     step: Option<u64>,
     /// W + c J_f J_fᵀ \[m/N\].
-    w: Vec<f64>,
+    pub(super) w: Vec<f64>,
     /// Whether all of `w` is.
     finite: bool,
     delta: Vec<f64>,
     /// The snapshot's, each with the law that belongs to its gap.
     blocks: Vec<Block>,
-    solver: GaussSeidelWorkspace,
+    pub(super) solver: GaussSeidelWorkspace,
+    /// For snapshots with a patch.
+    pub(super) patch: Option<PatchWorkspace>,
 }
 
 impl TickWorkspace {
@@ -32,7 +35,13 @@ impl TickWorkspace {
         let rows = ROWS_PER_CONTACT * max_contacts;
         let solver = GaussSeidelWorkspace::with_capacity(rows);
         let blocks = vec![Block { start: 0, law: Signorini.into() }; max_contacts];
-        Self { step: None, w: vec![0.0; rows * rows], finite: true, delta: vec![0.0; rows], blocks, solver }
+        let (w, delta) = (vec![0.0; rows * rows], vec![0.0; rows]);
+        Self { step: None, w, finite: true, delta, blocks, solver, patch: None }
+    }
+
+    /// The same, for snapshots that carry a patch too.
+    pub(super) fn with_patch(max_contacts: usize, config: &PatchTickConfig) -> Self {
+        Self { patch: Some(PatchWorkspace::new(config)), ..Self::new(max_contacts.max(config.detection.max_contacts)) }
     }
 
     /// Lets W be made anew.

@@ -5,12 +5,17 @@
 //!    rotation is exact to first order in the angle turned since the step.
 //! 3. (δ, λ) is solved on W + c J_f J_fᵀ by at most `sweeps` sweeps of block Gauss-Seidel from the last tick's λ
 //!    [Saupin, Duriez and Cotin, ISBMS 2008].
+//!
+//! Where the tick was given a tool and the snapshot carries a patch of tissue, contacts and rows are found anew in place of
+//! 2, on the patch and at the newest pose ([`PatchTickConfig`]).
+//!
 //! 4. The wrench Jᵀ λ goes through the limits ([`crate::limits`]) to the device.
 //!
 //! A tick allocates nothing, takes no lock, makes no system call, has no panic path, and its work is bounded by the
 //! capacity and the number of sweeps: O(rows²) a sweep, and as much again when a snapshot is taken over.
 
 mod local;
+mod patch;
 mod warm_start;
 
 use nalgebra::{Isometry3, Vector3};
@@ -27,7 +32,10 @@ use crate::snapshot::HapticSnapshot;
 use crate::wrench::{Twist, Wrench, all_finite};
 
 pub use local::TickWorkspace;
+pub use patch::PatchTickConfig;
+
 use local::{Local, Problem};
+use patch::{PatchMemory, PatchProblem, ToolPoses};
 use warm_start::WarmStart;
 
 /// The tick as described by a scene.
@@ -64,12 +72,13 @@ impl TickConfig {
 pub const MAX_COORDINATE: f64 = 1e3;
 
 /// The tick of one tool: description.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Tick {
     period: f64,
     solver: GaussSeidelConfig,
     coupling: Coupling,
     limits: Limits,
+    patch: Option<PatchTickConfig>,
 }
 
 /// What a tick remembers: state.
@@ -78,6 +87,8 @@ pub struct TickState {
     coupling: CouplingState,
     limits: LimitsState,
     warm_start: WarmStart,
+    /// For ticks on patches.
+    patch: Option<PatchMemory>,
     /// The step whose snapshot is in use.
     step: Option<u64>,
     age: f64,
@@ -95,6 +106,7 @@ impl TickState {
             coupling: CouplingState::default(),
             limits: LimitsState::default(),
             warm_start: WarmStart::new(max_contacts),
+            patch: None,
             step: None,
             age: f64::INFINITY,
             outgoing: None,
@@ -108,6 +120,7 @@ impl TickState {
         self.coupling = CouplingState::default();
         self.limits.cut();
         self.warm_start.clear();
+        self.forget_patch();
         self.step = None;
         self.age = f64::INFINITY;
         self.outgoing = None;
@@ -117,6 +130,12 @@ impl TickState {
     pub(crate) fn cut(&mut self) {
         self.coupling = CouplingState::default();
         self.limits.cut();
+        self.forget_patch();
+    }
+
+    /// The next tick on a patch begins with the shape and the forces of the step.
+    fn forget_patch(&mut self) {
+        self.patch.iter_mut().for_each(PatchMemory::forget);
     }
 }
 
@@ -141,7 +160,32 @@ impl Tick {
             },
             coupling: Coupling::new(&config.coupling, config.period)?,
             limits: Limits::new(&config.limits, spec)?,
+            patch: None,
         })
+    }
+
+    /// Lets it find contacts anew in each tick, on snapshots that carry a patch; on others it goes on with their rows.
+    ///
+    /// # Errors
+    /// A number out of its range.
+    pub fn on_patches(self, config: PatchTickConfig) -> Result<Self, SetupError> {
+        config.validate()?;
+        Ok(Self { patch: Some(config), ..self })
+    }
+
+    /// The state before its first tick, for snapshots of up to `max_contacts` contacts and, where it works on patches,
+    /// of the nodes that it was given.
+    #[must_use]
+    pub fn state(&self, max_contacts: usize) -> TickState {
+        let memory = |config: &PatchTickConfig| PatchMemory::new(config.max_nodes, config.detection.max_contacts);
+        TickState { patch: self.patch.as_ref().map(memory), ..TickState::new(max_contacts) }
+    }
+
+    /// Scratch for its ticks, of the size of [`Tick::state`].
+    #[must_use]
+    pub fn workspace(&self, max_contacts: usize) -> TickWorkspace {
+        let on_patches = |config| TickWorkspace::with_patch(max_contacts, config);
+        self.patch.as_ref().map_or_else(|| TickWorkspace::new(max_contacts), on_patches)
     }
 
     /// The limits in force.
@@ -173,8 +217,11 @@ impl Tick {
         ws: &mut TickWorkspace,
     ) {
         if outgoing.valid && state.step == Some(outgoing.step) && is_pose(&sample.pose) {
-            let predicted = self.coupling.predict(&state.coupling, &sample.pose);
-            let local = self.problem().solve(&mut state.warm_start, outgoing, &predicted, ws);
+            let poses = self.poses(state, sample);
+            let local = match (self.local(outgoing), &state.patch) {
+                (Some(problem), Some(memory)) => problem.solve(memory, &outgoing.patch, &poses, ws),
+                _ => self.problem().solve(&mut state.warm_start, outgoing, &poses.predicted, ws),
+            };
             state.outgoing = Some(local.wrench.force);
         }
     }
@@ -191,7 +238,7 @@ impl Tick {
     ) -> TickRecord {
         let mut flags = TickFlags::default();
         let (dt, aged) = self.elapsed(state, time.dt, &mut flags);
-        if take_over(state, snapshot, aged, &mut flags) {
+        if self.take_over(state, snapshot, aged, &mut flags) {
             ws.forget();
         }
         let outgoing = state.outgoing.take();
@@ -203,11 +250,12 @@ impl Tick {
             (Wrench::zero(), Local::EMPTY)
         } else if snapshot.valid {
             (state.device_pose, state.device_velocity) = (sample.pose, sample.velocity);
-            let predicted = self.coupling.predict(&state.coupling, &sample.pose);
-            let local = self.problem().solve(&mut state.warm_start, snapshot, &predicted, ws);
+            let poses = self.poses(state, sample);
+            let local = self.solve(state, snapshot, &poses, ws, &mut flags);
             flags.set_if(local.truncated, TickFlags::TRUNCATED);
             flags.set_if(!local.converged, TickFlags::NOT_CONVERGED);
             state.coupling = self.coupling.settle(&state.coupling, &local.wrench);
+            self.keep(state, snapshot, &sample.pose, ws);
             // Numbers in W or δ_free that are not finite end the force, even where λ is finite.
             let target = if local.finite { local.wrench } else { NOT_A_WRENCH };
             let sent = self.limits.apply(&mut state.limits, &target, state.age, dt, &mut flags);
@@ -222,6 +270,7 @@ impl Tick {
             (state.device_pose, state.device_velocity) = (sample.pose, sample.velocity);
             flags.set(if snapshot.step == 0 { TickFlags::NO_SNAPSHOT } else { TickFlags::INVALID_SNAPSHOT });
             state.coupling = self.coupling.settle(&state.coupling, &Wrench::zero());
+            state.forget_patch();
             (self.limits.release(&mut state.limits, dt, &mut flags), Local::EMPTY)
         };
 
@@ -241,7 +290,7 @@ impl Tick {
     ) -> TickRecord {
         let mut flags = TickFlags::DEVICE_ERROR;
         let (_, aged) = self.elapsed(state, time.dt, &mut flags);
-        take_over(state, snapshot, aged, &mut flags);
+        self.take_over(state, snapshot, aged, &mut flags);
         state.device_velocity = Twist::default();
         state.cut();
         state.outgoing = None;
@@ -251,6 +300,71 @@ impl Tick {
 
     fn problem(&self) -> Problem<'_> {
         Problem { solver: &self.solver, coupling: &self.coupling }
+    }
+
+    /// What solves on the snapshot's patch, where the tick works on patches and the snapshot has one.
+    fn local(&self, snapshot: &HapticSnapshot) -> Option<PatchProblem<'_>> {
+        let config = self.patch.as_ref().filter(|_| snapshot.patch.valid)?;
+        Some(PatchProblem { solver: &self.solver, coupling: &self.coupling, config })
+    }
+
+    fn poses(&self, state: &TickState, sample: &DeviceSample) -> ToolPoses {
+        let held = state.coupling.tool(&sample.pose);
+        ToolPoses { held, predicted: self.coupling.predict(&state.coupling, &sample.pose) }
+    }
+
+    /// The contact problem of the tick: on the patch, or on the snapshot's own rows.
+    fn solve(
+        &self,
+        state: &mut TickState,
+        snapshot: &HapticSnapshot,
+        poses: &ToolPoses,
+        ws: &mut TickWorkspace,
+        flags: &mut TickFlags,
+    ) -> Local {
+        match (self.local(snapshot), &mut state.patch) {
+            (Some(problem), Some(memory)) => {
+                // Forgotten between two snapshots, after a fault: it begins anew on this one.
+                if !memory.is_of(&snapshot.patch) {
+                    memory.forget();
+                    memory.take_over(&snapshot.patch);
+                }
+                flags.set(TickFlags::LOCAL);
+                let beyond = problem.is_beyond(&snapshot.patch, &snapshot.tool_pose, &poses.held);
+                flags.set_if(beyond, TickFlags::BEYOND_PATCH);
+                problem.solve(memory, &snapshot.patch, poses, ws)
+            }
+            _ => self.problem().solve(&mut state.warm_start, snapshot, &poses.predicted, ws),
+        }
+    }
+
+    /// Lets a tick on a patch be remembered.
+    fn keep(&self, state: &mut TickState, snapshot: &HapticSnapshot, device: &Isometry3<f64>, ws: &TickWorkspace) {
+        let tool = state.coupling.tool(device);
+        if let (Some(problem), Some(memory), Some(ws)) = (self.local(snapshot), &mut state.patch, &ws.patch) {
+            memory.keep(&snapshot.patch, problem.config.hand_over, &tool, ws);
+        }
+    }
+
+    /// Notices a new snapshot, or lets the one in use age.
+    fn take_over(&self, state: &mut TickState, snapshot: &HapticSnapshot, dt: f64, flags: &mut TickFlags) -> bool {
+        let new = snapshot.valid && state.step != Some(snapshot.step);
+        if new {
+            flags.set(TickFlags::NEW_SNAPSHOT);
+            state.warm_start.take_over(snapshot);
+            state.step = Some(snapshot.step);
+            state.age = 0.0;
+        } else {
+            state.age += dt;
+        }
+        if let Some(memory) = &mut state.patch {
+            match (self.patch.is_some() && snapshot.patch.valid, new) {
+                (true, true) => memory.take_over(&snapshot.patch),
+                (true, false) => memory.age(dt),
+                (false, _) => memory.forget(),
+            }
+        }
+        new
     }
 
     /// Time since the tick before, for the limits and for the snapshot's age.
@@ -266,20 +380,6 @@ impl Tick {
         state.limits.gain = 0.0;
         (self.period, if sound { dt } else { self.period })
     }
-}
-
-/// Notices a new snapshot, or lets the one in use age.
-fn take_over(state: &mut TickState, snapshot: &HapticSnapshot, dt: f64, flags: &mut TickFlags) -> bool {
-    let new = snapshot.valid && state.step != Some(snapshot.step);
-    if new {
-        flags.set(TickFlags::NEW_SNAPSHOT);
-        state.warm_start.take_over(snapshot);
-        state.step = Some(snapshot.step);
-        state.age = 0.0;
-    } else {
-        state.age += dt;
-    }
-    new
 }
 
 /// Whether a pose can be one: finite, within [`MAX_COORDINATE`], and with a rotation of unit length.

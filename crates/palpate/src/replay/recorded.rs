@@ -23,7 +23,7 @@ use crate::world::World;
 
 /// Does every tick of the trace again and hands it to the comparison; false where a record is missing.
 pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_>) -> Result<bool, RunError> {
-    let (snapshot_writer, snapshots) = latest(&HapticSnapshot::new(world.detection().max_contacts));
+    let (snapshot_writer, snapshots) = latest(&world.empty_snapshot());
     let (poses, _) = latest(&world.first_pose());
     let stated = trace.metadata.get("engine").and_then(|engine| engine.get(DEVICE_RECORD));
     let spec = stated.and_then(|text| toml::from_str(text).ok()).unwrap_or_else(|| DeviceSpec::virtual_device(0.0));

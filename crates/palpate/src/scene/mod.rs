@@ -14,7 +14,7 @@ pub use description::{
     Axis, BlockDescription, BodyDescription, ContactDescription, ContactLawKind, ContactMethod, DeviceDescription,
     EventDescription, ExplicitDescription, FixedBodyDescription, HandDescription, IntegratorKind, NewtonDescription,
     NodeSelection, Plane, RatesDescription, Refactor, RigidBodyDescription, SceneDescription, SolidShape,
-    SolverDescription, TissueDescription, ToolDescription,
+    SolverDescription, TickDescription, TickMethod, TissueDescription, ToolDescription,
 };
 pub use error::{InvalidScene, SceneError};
 

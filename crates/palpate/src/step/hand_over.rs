@@ -1,20 +1,24 @@
 //! What the step hands to the tick.
 
+use nalgebra::Isometry3;
 use palpate_constraints::law::Law;
 use palpate_constraints::rows::{ContactRows, RowBlock};
 use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
 
 use super::bodies::tool_block;
-use super::{StepInput, StepReport, StepState, StepStatus, StepWorkspace};
+use super::stages::is_of_another_body;
+use super::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, patch};
 use crate::world::World;
 
-/// The local problem for the tick: the tool's rows, compliance and forces as they were solved.
+/// The local problem for the tick: the tool's rows, compliance and forces as they were solved, and the tissue around the
+/// tool. `before` is the tool's pose in the step before.
 pub(super) fn hand_over(
     world: &World,
     input: &StepInput<'_>,
+    before: Option<&Isometry3<f64>>,
     state: &StepState,
-    ws: &StepWorkspace,
-    report: &StepReport,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
     snapshot: &mut HapticSnapshot,
 ) {
     snapshot.clear();
@@ -29,6 +33,14 @@ pub(super) fn hand_over(
     if !sound {
         return;
     }
+    snapshot.valid = push_rows(world, state, ws, snapshot);
+    if snapshot.valid && snapshot.patch.max_nodes() > 0 && !is_of_another_body(ws, report) {
+        patch::fill(world, input, before, state, ws, report, &mut snapshot.patch);
+    }
+}
+
+/// Pushes all contacts of the tool, with their compliance; false where one on the skin found no room.
+fn push_rows(world: &World, state: &StepState, ws: &StepWorkspace, snapshot: &mut HapticSnapshot) -> bool {
     let law = world.description().contact.contact_law();
     let contacts = &state.contacts.contacts;
     let of_skin = |block: &RowBlock| Some((law, contacts.get(block.contact as usize)?.feature));
@@ -42,16 +54,17 @@ pub(super) fn hand_over(
     // Fixed skin gives way to nothing: its rows and columns of W are zero, and the tick adds the compliance of the tool.
     let fixed = &ws.fixed_rows;
     let all = all && (0..fixed.blocks.len()).all(|k| push(fixed, k, &fixed.delta_free, &[], of_skin, snapshot));
-    if all {
-        let (view, n) = (ws.problem.view(), snapshot.rows());
-        for (j, column) in snapshot.compliance_mut().chunks_exact_mut(n.max(1)).enumerate() {
-            column.fill(0.0);
-            if j < m {
-                column[..m].copy_from_slice(&view.column(j)[..m]);
-            }
-        }
-        snapshot.valid = true;
+    if !all {
+        return false;
     }
+    let (view, n) = (ws.problem.view(), snapshot.rows());
+    for (j, column) in snapshot.compliance_mut().chunks_exact_mut(n.max(1)).enumerate() {
+        column.fill(0.0);
+        if j < m {
+            column[..m].copy_from_slice(&view.column(j)[..m]);
+        }
+    }
+    true
 }
 
 /// Pushes the contact of block `k`, whose law and identity `identity` knows, with zero force where `lambda` has none; false

@@ -29,6 +29,7 @@ mod guard;
 mod hand_over;
 mod lagrange;
 mod newton;
+mod patch;
 mod penalty;
 mod preconditioner;
 mod refinement;
@@ -83,6 +84,7 @@ pub fn step(
     report.change = ws.change.report;
     ws.change.report.changed = false;
     let mut clock = Clock::start();
+    let before = state.tool;
     state.remember();
     match world.integration() {
         Integration::BackwardEuler => {
@@ -114,7 +116,7 @@ pub fn step(
     accuracy::sample_column(world, input.factor, ws, &mut report);
     report.times.sampling = clock.lap();
     accuracy::choose_next(world, state, &report);
-    hand_over::hand_over(world, input, state, ws, &report, snapshot);
+    hand_over::hand_over(world, input, before.as_ref(), state, ws, &mut report, snapshot);
     state.tool = Some(input.tool);
     state.step += 1;
     report.times.hand_over = clock.lap();

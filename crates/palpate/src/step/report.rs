@@ -1,6 +1,7 @@
 //! What one step did.
 
 use nalgebra::{Isometry3, Vector3};
+use palpate_collision::PatchReport;
 use palpate_collision::detection::DetectionReport;
 use palpate_constraints::compliance::{ComplianceMethod, ComplianceReport};
 use palpate_constraints::rows::RowReport;
@@ -130,6 +131,10 @@ pub struct StepReport {
     pub bodies: BodiesReport,
     /// Rows built from all contacts.
     pub rows: RowReport,
+    /// The tissue around the tool that the tick got; empty where it has frozen rows.
+    pub patch: PatchReport,
+    /// True where the tick got frozen rows in place of a patch since the tool was at a rigid body.
+    pub frozen_at_rigid: bool,
     /// `W`; where it is not usable the step goes on without contact.
     pub compliance: ComplianceReport,
     /// Method that gave `W`.
@@ -190,6 +195,8 @@ impl StepReport {
             detection: DetectionReport::NONE,
             bodies: BodiesReport::NONE,
             rows: RowReport::default(),
+            patch: PatchReport::default(),
+            frozen_at_rigid: false,
             compliance: ComplianceReport { rows: 0, diagonal: [0.0; 2], asymmetry: 0.0, usable: true },
             method: ComplianceMethod::Automatic,
             error: ComplianceError::NONE,
@@ -213,7 +220,7 @@ impl StepReport {
     }
 
     /// Names and units of [`StepReport::row`].
-    pub const COLUMNS: [&'static str; 34] = [
+    pub const COLUMNS: [&'static str; 36] = [
         "step",
         "time_s",
         "tool_x_m",
@@ -245,13 +252,15 @@ impl StepReport {
         "compliance_error_sampled",
         "correction_iterations",
         "overlap_m",
+        "patch_nodes",
+        "patch_triangles_left_out",
         "rolled_back",
         "phase",
         "work_s",
     ];
 
     /// The report as one row of a table.
-    pub fn row(&self) -> [f64; 34] {
+    pub fn row(&self) -> [f64; 36] {
         let p = self.tool.translation.vector;
         let r = self.tool.rotation;
         [
@@ -286,6 +295,8 @@ impl StepReport {
             self.error.sampled,
             f64::from(self.error.correction_iterations),
             self.error.overlap,
+            self.patch.nodes as f64,
+            self.patch.left_out as f64,
             f64::from(u8::from(self.status == StepStatus::RolledBack)),
             f64::from(self.change.phase),
             self.times.total,

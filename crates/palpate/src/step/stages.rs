@@ -1,11 +1,11 @@
 //! The stages of the step, each a few lines between the description, the state and the workspace.
 
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{DMatrixViewMut, Isometry3, Matrix3, Vector3};
 use palpate_collision::contact::Contact;
 use palpate_collision::detection::detect;
 use palpate_constraints::body::{self, RigidBodies, SoftBody};
-use palpate_constraints::compliance::{ComplianceMethod, WarpedInverse};
-use palpate_constraints::rows::{Counterpart, RowInput, ToolMotion, build_fixed_rows, build_rows};
+use palpate_constraints::compliance::{ComplianceMethod, ComplianceReport, WarpedInverse};
+use palpate_constraints::rows::{ContactRows, Counterpart, RowInput, ToolMotion, build_fixed_rows, build_rows};
 use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::integrator::backward_euler::factor_end;
 use palpate_fem::integrator::explicit::explicit_velocity;
@@ -155,6 +155,26 @@ pub(super) fn compliance(
     if ws.rows.is_empty() {
         return;
     }
+    own_factor(world, exact_steps, ws, report);
+    if is_of_another_body(ws, report) {
+        report.compliance.usable = false;
+        return;
+    }
+    let rows = std::mem::take(&mut ws.rows);
+    let mut problem = std::mem::take(&mut ws.problem);
+    let method;
+    (report.compliance, method) = compliance_of(world, factor, &rows, problem.compliance_mut(), ws);
+    report.method = method.unwrap_or(report.method);
+    (ws.rows, ws.problem) = (rows, problem);
+}
+
+/// Whether the factor at hand is that of the body before an event, and there is no other: it is no inverse then.
+pub(super) fn is_of_another_body(ws: &StepWorkspace, report: &StepReport) -> bool {
+    report.change.factor == FactorFit::Outdated && !ws.own_is_current
+}
+
+/// Factors this step's own matrix where the method wants one that is not there yet.
+pub(super) fn own_factor(world: &World, exact_steps: u32, ws: &mut StepWorkspace, report: &mut StepReport) {
     let plan = world.plan();
     let outdated = report.change.factor == FactorFit::Outdated;
     let exact = plan.compliance == ComplianceMethod::Exact && !plan.constant || exact_steps > 0 || outdated;
@@ -162,32 +182,36 @@ pub(super) fn compliance(
     if exact && !ws.own_is_current && !report.refused && *world.integration() == Integration::BackwardEuler {
         refactor(ws, report);
     }
-    if let Some(newton) = &mut ws.newton {
+    if let Some(newton) = ws.newton.as_mut().filter(|newton| !newton.factored) {
         newton.factored = factor_end(world.model(), ws.dt, &newton.free, &mut newton.ws);
         report.refused = !newton.factored;
     }
-    // The inverse of another body is none.
-    if outdated && !ws.own_is_current {
-        report.compliance.usable = false;
-        return;
-    }
-    let w = ws.problem.compliance_mut();
+}
+
+/// `W = h² H A⁻¹ Hᵀ` of any rows, over all bodies, into `w`, and the method that gave the soft one's; none for the lumped
+/// mass.
+pub(super) fn compliance_of<'w>(
+    world: &World,
+    factor: &FactorSample,
+    rows: &ContactRows,
+    w: impl Into<DMatrixViewMut<'w, f64>>,
+    ws: &mut StepWorkspace,
+) -> (ComplianceReport, Option<ComplianceMethod>) {
     let correction = &mut ws.correction;
     let mut rigid = RigidBodies { inverse: &ws.rigid.inverse, correction: &mut ws.rigid.correction };
-    report.compliance = match &mut ws.explicit {
+    match &mut ws.explicit {
         Some(explicit) => {
             let inverse = WarpedInverse { inverse: &explicit.inverse, rotations: None };
             let mut soft = SoftBody { inverse, workspace: &mut explicit.compliance, correction };
-            body::assemble(&mut [&mut soft, &mut rigid], &ws.rows, ws.dt, w)
+            (body::assemble(&mut [&mut soft, &mut rigid], rows, ws.dt, w), None)
         }
         None => {
             let own = ws.own.as_ref().filter(|_| ws.own_is_current);
-            let inverse = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
-            report.method = inverse.1;
-            let mut soft = SoftBody { inverse: inverse.0, workspace: &mut ws.compliance, correction };
-            body::assemble(&mut [&mut soft, &mut rigid], &ws.rows, ws.dt, w)
+            let (inverse, method) = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
+            let mut soft = SoftBody { inverse, workspace: &mut ws.compliance, correction };
+            (body::assemble(&mut [&mut soft, &mut rigid], rows, ws.dt, w), Some(method))
         }
-    };
+    }
 }
 
 /// What stands for `A⁻¹` in compliance and correction, and which method that is: this step's own factor where there is a

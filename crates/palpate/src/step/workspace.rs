@@ -24,6 +24,7 @@ use std::sync::Arc;
 use super::bodies::{self, PairForce, PairState, RigidStage};
 use super::change::ChangeStage;
 use super::direct::DirectStage;
+use super::patch::PatchStage;
 use super::refinement::RefinementWorkspace;
 use crate::problem_files::ProblemFiles;
 use crate::refresh::FactorSample;
@@ -218,6 +219,8 @@ pub struct StepWorkspace {
     pub(super) explicit: Option<ExplicitStage>,
     /// The step that the stages take: the scene's, or a substep of it (s).
     pub(super) dt: f64,
+    /// The tissue around the tool, where the tick wants it.
+    pub(super) patch: Option<PatchStage>,
     /// Configurations that the guard tries.
     pub(super) trial: FemState,
     /// Newton's method for quadratic tissue in trouble.
@@ -262,6 +265,10 @@ impl StepWorkspace {
         let free = model.free_nodes();
         let contacts = world.contact_capacity();
         let rows = ROWS * contacts;
+        let patch_nodes = world.patch_nodes();
+        // A patch, and the rows that are held while the tool touches it.
+        let others = rows - ROWS * world.detection().max_contacts;
+        let compliance_rows = rows.max(if patch_nodes > 0 { 3 * patch_nodes + others } else { 0 });
         let wanted = &world.description().solver;
         let solver = match wanted.kind.solver() {
             Solver::Automatic(config) => AutomaticConfig { bounded: true, ..config }.into(),
@@ -276,7 +283,7 @@ impl StepWorkspace {
                 newton = Some(NewtonStage::new(model, symbolic, rows));
             }
             Integration::Explicit { dt: substep, .. } => {
-                explicit = Some(ExplicitStage::new(model, substep, rows));
+                explicit = Some(ExplicitStage::new(model, substep, compliance_rows));
                 dt = substep;
             }
         }
@@ -287,6 +294,7 @@ impl StepWorkspace {
             direct: DirectStage::new(world, &fem.system, rows),
             limits: (wanted.tolerance, wanted.max_sweeps),
             dt,
+            patch: (patch_nodes > 0).then(|| PatchStage::new(world, patch_nodes, compliance_rows)),
             trial: model.rest_state(),
             fem,
             rotations: vec![Matrix3::identity(); free],
@@ -299,7 +307,7 @@ impl StepWorkspace {
             rows: ContactRows::with_capacity(contacts),
             fixed_rows: ContactRows::with_capacity(world.detection().max_contacts),
             rigid: RigidStage::new(world),
-            compliance: ComplianceWorkspace::new(rows, ReachWorkspace::new(symbolic, rows)),
+            compliance: ComplianceWorkspace::new(compliance_rows, ReachWorkspace::new(symbolic, compliance_rows)),
             problem: ConstraintProblem::with_capacity(rows),
             lambda: vec![0.0; rows],
             solver,

@@ -24,8 +24,9 @@ use palpate_fem::mesh::{MeshQuality, TetMesh};
 use palpate_fem::model::{FemConfig, FemError, FemModel};
 use palpate_fem::sparse::FIXED;
 use palpate_fem::surface::Surface;
+use palpate_haptics::snapshot::HapticSnapshot;
 
-use crate::scene::{ContactMethod, Scene, SceneDescription, SceneError};
+use crate::scene::{ContactMethod, Scene, SceneDescription, SceneError, TickMethod};
 use course::{Stretch, course};
 use elements::{locking, with_nodes_for};
 use fixed::fixed_nodes;
@@ -128,6 +129,17 @@ impl World {
         &self.detection
     }
 
+    /// Nodes of the tissue around the tool that a snapshot carries; 0 where the tick has frozen rows.
+    pub fn patch_nodes(&self) -> usize {
+        let tick = &self.description().tick;
+        if tick.method == TickMethod::Local { tick.patch_nodes } else { 0 }
+    }
+
+    /// A snapshot with the room that this scene needs, for programs that bring their own loop.
+    pub fn empty_snapshot(&self) -> HapticSnapshot {
+        HapticSnapshot::with_patch(self.detection.max_contacts, self.patch_nodes())
+    }
+
     /// How the body moves in time.
     pub fn integration(&self) -> &Integration {
         &self.integration
@@ -143,6 +155,17 @@ impl World {
                 format!("penalty ({} times the body's stiffness, damping {} s)", penalty.multiple, penalty.damping)
             }
             (method, _) => method.name().into(),
+        }
+    }
+
+    /// What contact problem the tick solves, with the parameters of the method.
+    pub fn tick_method(&self) -> String {
+        let tick = &self.description().tick;
+        match tick.method {
+            TickMethod::Local => {
+                format!("local ({} nodes at most, hand-over {} ms)", tick.patch_nodes, tick.hand_over * 1e3)
+            }
+            TickMethod::Frozen => "frozen rows".into(),
         }
     }
 
@@ -236,6 +259,7 @@ impl World {
             let _ = writeln!(text, "event at {} s: {}", change.time(), change.text());
         }
         let _ = writeln!(text, "solver: {}", one_line(&d.solver));
+        let _ = writeln!(text, "tick: {}", self.tick_method());
         let _ = writeln!(text, "integrator: {}", self.integration);
         let _ = writeln!(
             text,

@@ -29,6 +29,10 @@ flags! {
         10 => BAD_POSE;
         /// A new snapshot was taken over.
         11 => NEW_SNAPSHOT;
+        /// Contacts were found on the snapshot's patch of tissue; without it, the rows are those of the step.
+        12 => LOCAL;
+        /// The tool had gone so far that skin beyond the patch could touch it unseen.
+        13 => BEYOND_PATCH;
     }
 }
 

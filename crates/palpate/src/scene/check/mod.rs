@@ -6,6 +6,7 @@ mod device;
 mod event;
 mod number;
 mod solid;
+mod tick;
 
 use super::description::SceneDescription;
 use super::error::SceneError;
@@ -47,6 +48,7 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     solid::check(scene, source)?;
     contact::check(scene, source)?;
     event::check(scene, source)?;
+    tick::check(scene, source)?;
     device::check(scene, source)
 }
 

@@ -8,6 +8,7 @@ mod integrator;
 mod selection;
 mod solid;
 mod solver;
+mod tick;
 mod tissue;
 mod tool;
 
@@ -23,6 +24,7 @@ pub use integrator::{ExplicitDescription, IntegratorKind, NewtonDescription, Ref
 pub use selection::{Axis, NodeSelection, Plane};
 pub use solid::{FixedBodyDescription, RigidBodyDescription, SolidShape};
 pub use solver::SolverDescription;
+pub use tick::{TickDescription, TickMethod};
 pub use tissue::TissueDescription;
 pub use tool::ToolDescription;
 
@@ -66,6 +68,9 @@ pub struct SceneDescription {
     /// When the constraint solvers stop.
     #[serde(default)]
     pub solver: SolverDescription,
+    /// What the tick takes from a step.
+    #[serde(default)]
+    pub tick: TickDescription,
     /// The haptic device.
     #[serde(default)]
     pub device: DeviceDescription,

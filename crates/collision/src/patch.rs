@@ -1,0 +1,252 @@
+//! The part of a skin around a tool, small and of fixed size: what a fast loop detects on while the whole surface is
+//! out of its reach.
+//!
+//! A patch holds triangles and nodes with numbers of its own and the names that they have on the whole surface, so that a
+//! contact has the same feature on either. Its normals are those of the whole surface, of which a patch would lack the
+//! triangles at its rim.
+
+use nalgebra::{Isometry3, Vector3};
+
+use crate::contact::Contact;
+use crate::detection::{ContactKind, DetectionConfig, keep_deepest_of, keep_faced};
+use crate::features::{Collector, Feature, Meeting, Skin};
+use crate::narrow_phase::HullInWorld;
+use crate::shape::ToolShape;
+use crate::triangle::closest_on_triangle;
+
+mod gathering;
+
+pub use gathering::{PatchConfig, PatchGathering, PatchReport};
+
+/// Triangles and nodes around a tool. Filled in place by [`PatchGathering::gather`]; allocates in [`SkinPatch::new`] only.
+#[derive(Debug, Default, PartialEq)]
+pub struct SkinPatch {
+    /// Names of the nodes; those that can move come first, both parts ascending.
+    names: Vec<u32>,
+    /// How many of them can move.
+    movable: usize,
+    normals: Vec<Vector3<f64>>,
+    triangles: Vec<[u32; 3]>,
+    triangle_names: Vec<u32>,
+    edge_names_of: Vec<[u32; 3]>,
+    edges: Vec<[u32; 2]>,
+    edge_names: Vec<u32>,
+    max_nodes: usize,
+    side: Option<Vector3<f64>>,
+    clearance: f64,
+}
+
+/// A copy with the same room.
+impl Clone for SkinPatch {
+    fn clone(&self) -> Self {
+        let mut copy = Self::new(self.max_nodes);
+        copy.copy_from(self);
+        copy
+    }
+}
+
+impl SkinPatch {
+    /// An empty patch with room for `max_nodes` nodes and as many triangles and edges as a planar mesh of them has.
+    #[must_use]
+    pub fn new(max_nodes: usize) -> Self {
+        let (triangles, edges) = (2 * max_nodes, 3 * max_nodes);
+        Self {
+            names: Vec::with_capacity(max_nodes),
+            movable: 0,
+            normals: Vec::with_capacity(max_nodes),
+            triangles: Vec::with_capacity(triangles),
+            triangle_names: Vec::with_capacity(triangles),
+            edge_names_of: Vec::with_capacity(triangles),
+            edges: Vec::with_capacity(edges),
+            edge_names: Vec::with_capacity(edges),
+            max_nodes,
+            side: None,
+            clearance: 0.0,
+        }
+    }
+
+    /// Nodes there is room for.
+    #[must_use]
+    pub fn max_nodes(&self) -> usize {
+        self.max_nodes
+    }
+
+    /// Names of its nodes on the whole surface: those that can move first, both parts ascending.
+    #[must_use]
+    pub fn nodes(&self) -> &[u32] {
+        &self.names
+    }
+
+    /// How many of its nodes, from the first, can move.
+    #[must_use]
+    pub fn movable(&self) -> usize {
+        self.movable
+    }
+
+    /// Its triangles by the numbers of their nodes within the patch, outward counter-clockwise.
+    #[must_use]
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Number within the patch of the node of this name.
+    #[must_use]
+    pub fn number_of(&self, name: u32) -> Option<usize> {
+        let (movable, fixed) = self.names.split_at(self.movable.min(self.names.len()));
+        movable.binary_search(&name).ok().or_else(|| fixed.binary_search(&name).ok().map(|k| k + movable.len()))
+    }
+
+    /// How far \[m\] the tool may go in any direction from the pose that the patch was gathered for before skin that the
+    /// patch lacks could come within the margin of contact.
+    #[must_use]
+    pub fn clearance(&self) -> f64 {
+        self.clearance
+    }
+
+    /// Takes everything out and keeps the memory.
+    pub fn clear(&mut self) {
+        self.names.clear();
+        self.movable = 0;
+        self.normals.clear();
+        self.triangles.clear();
+        self.triangle_names.clear();
+        self.edge_names_of.clear();
+        self.edges.clear();
+        self.edge_names.clear();
+        self.side = None;
+        self.clearance = 0.0;
+    }
+
+    /// Makes this a copy of `other` without allocating. Returns false, and is left cleared, if `other` does not fit.
+    pub fn copy_from(&mut self, other: &Self) -> bool {
+        self.clear();
+        if other.names.len() > self.max_nodes || other.max_nodes > self.max_nodes {
+            return false;
+        }
+        self.names.extend_from_slice(&other.names);
+        self.movable = other.movable;
+        self.normals.extend_from_slice(&other.normals);
+        self.triangles.extend_from_slice(&other.triangles);
+        self.triangle_names.extend_from_slice(&other.triangle_names);
+        self.edge_names_of.extend_from_slice(&other.edge_names_of);
+        self.edges.extend_from_slice(&other.edges);
+        self.edge_names.extend_from_slice(&other.edge_names);
+        (self.side, self.clearance) = (other.side, other.clearance);
+        true
+    }
+
+    /// Whether a point \[m\] lies on the inner side of the triangle nearest to it.
+    fn is_below(&self, point: &Vector3<f64>, positions: &[Vector3<f64>]) -> bool {
+        let at = |n: u32| positions.get(n as usize).copied();
+        let mut nearest = (f64::INFINITY, false);
+        for nodes in &self.triangles {
+            let [Some(a), Some(b), Some(c)] = nodes.map(at) else { continue };
+            let corners = [a, b, c];
+            let closest = closest_on_triangle(point, &corners);
+            let away = point - closest.position(&corners);
+            let distance = away.norm_squared();
+            if distance < nearest.0 {
+                nearest = (distance, away.dot(&self.normal_at(nodes, &closest.weights)) < 0.0);
+            }
+        }
+        nearest.1
+    }
+}
+
+impl Skin for SkinPatch {
+    fn triangle(&self, t: u32) -> Option<[u32; 3]> {
+        self.triangles.get(t as usize).copied()
+    }
+
+    fn edge_names(&self, t: u32) -> [u32; 3] {
+        self.edge_names_of.get(t as usize).copied().unwrap_or_default()
+    }
+
+    fn edge(&self, edge: u32) -> Option<[u32; 2]> {
+        self.edges.get(edge as usize).copied()
+    }
+
+    fn node_normal(&self, node: u32) -> Vector3<f64> {
+        self.normals.get(node as usize).copied().unwrap_or_else(Vector3::zeros)
+    }
+
+    fn node_name(&self, node: u32) -> u32 {
+        self.names.get(node as usize).copied().unwrap_or(u32::MAX)
+    }
+
+    fn triangle_name(&self, t: u32) -> u32 {
+        self.triangle_names.get(t as usize).copied().unwrap_or(u32::MAX)
+    }
+
+    fn edge_name(&self, edge: u32) -> u32 {
+        self.edge_names.get(edge as usize).copied().unwrap_or(u32::MAX)
+    }
+}
+
+/// Memory for detection on patches, and its contacts.
+#[derive(Clone, Debug)]
+pub struct PatchDetection {
+    features: Vec<Feature>,
+    contacts: Vec<Contact>,
+    max_contacts: usize,
+    hull: HullInWorld,
+}
+
+impl PatchDetection {
+    /// Memory for patches of up to `max_nodes` nodes, this tool, and up to `max_contacts` contacts.
+    #[must_use]
+    pub fn new(max_nodes: usize, max_contacts: usize, tool: &ToolShape) -> Self {
+        let mut hull = HullInWorld::default();
+        if let Some(shape) = tool.hull() {
+            hull.place(shape, &Isometry3::identity());
+        }
+        // A triangle gives a capsule three points; a hull's corners and edges may give more, and the collector bounds them.
+        let features = Vec::with_capacity(8 * max_nodes + 64);
+        Self { features, contacts: Vec::with_capacity(max_contacts), max_contacts, hull }
+    }
+
+    /// Contacts of the last detection, ascending by feature. Their nodes are numbers within the patch.
+    #[must_use]
+    pub fn contacts(&self) -> &[Contact] {
+        &self.contacts
+    }
+
+    /// Finds the contacts between the patch, its nodes at `positions` \[m\], and the tool at a pose. Returns how many
+    /// contacts found no room: those are the shallowest. Work is bounded by the patch and the tool; nothing is allocated.
+    ///
+    /// The side from which the tool came is that of the detection that the patch was gathered with.
+    pub fn detect(
+        &mut self,
+        patch: &SkinPatch,
+        positions: &[Vector3<f64>],
+        tool: &ToolShape,
+        pose: &Isometry3<f64>,
+        config: &DetectionConfig,
+    ) -> usize {
+        self.features.clear();
+        self.contacts.clear();
+        let meeting = Meeting { surface: patch, positions, tool, pose };
+        let mut found = Collector { features: &mut self.features, margin: config.margin, candidates: 0, dropped: 0 };
+        let nodes = 0..patch.names.len() as u32;
+        let triangles = 0..patch.triangles.len() as u32;
+        match (config.kind, tool.axis(pose), tool.hull()) {
+            (ContactKind::Faces, Some(axis), _) => triangles.for_each(|t| meeting.face(t, &axis, &mut found)),
+            (ContactKind::Faces, None, Some(hull)) => {
+                self.hull.place(hull, pose);
+                nodes.for_each(|node| meeting.node(node, &mut found));
+                triangles.for_each(|t| meeting.hull_corners(t, hull, &self.hull, &mut found));
+                let range = config.margin.max(config.reach);
+                (0..patch.edges.len() as u32).for_each(|e| meeting.hull_edges(e, hull, &self.hull, range, &mut found));
+            }
+            _ => nodes.for_each(|node| meeting.node(node, &mut found)),
+        }
+        let crowded = found.dropped;
+        if let Some(side) = &patch.side {
+            keep_faced(&mut self.features, side, |x| patch.is_below(&tool.core(pose, x), positions));
+        }
+        // The memory of the contacts is what there is: a larger wish must not make it grow.
+        let room = config.max_contacts.min(self.max_contacts);
+        let config = DetectionConfig { max_contacts: room, ..*config };
+        crowded + keep_deepest_of(&mut self.features, &config, &mut self.contacts).dropped
+    }
+}

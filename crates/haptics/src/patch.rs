@@ -1,0 +1,175 @@
+//! The tissue around the tool, as the step hands it to the tick: skin, shape and compliance, in memory of fixed size.
+//!
+//! ```text
+//! x = q_free + C f                   m, position of the nodes under nodal contact forces f (N)
+//! C = h² S A⁻¹ Sᵀ                    m/N, 3 × 3 blocks; S picks the patch's nodes; zero for nodes that are held fixed
+//! ```
+//! `force` is f of the tool as the step found it. `q_free` is where that leaves the nodes: the step's end less C f, so that the patch is
+//! tangent to the step's own answer, whatever method and however old a factor gave C.
+//!
+//! Rows of the scene that do not touch the tool are no part of a patch: their forces are in `q_free`, and those that are
+//! closed are condensed into C ([`palpate_constraints::condensed`]).
+
+use nalgebra::Vector3;
+use palpate_collision::SkinPatch;
+use palpate_constraints::law::{Law, Signorini};
+
+/// Skin and compliance around a tool.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HapticPatch {
+    /// Whether the tick is to work on it; otherwise it has the snapshot's frozen rows.
+    pub valid: bool,
+    /// The law of every contact.
+    pub law: Law,
+    /// Triangles near the tool that found no room.
+    pub left_out: u32,
+    skin: SkinPatch,
+    q_free: Vec<Vector3<f64>>,
+    force: Vec<Vector3<f64>>,
+    compliance: Vec<f64>,
+}
+
+impl HapticPatch {
+    /// An empty patch, not valid, with room for `max_nodes` nodes.
+    #[must_use]
+    pub fn new(max_nodes: usize) -> Self {
+        Self {
+            valid: false,
+            law: Signorini.into(),
+            left_out: 0,
+            skin: SkinPatch::new(max_nodes),
+            q_free: vec![Vector3::zeros(); max_nodes],
+            force: vec![Vector3::zeros(); max_nodes],
+            compliance: vec![0.0; 9 * max_nodes * max_nodes],
+        }
+    }
+
+    /// Nodes there is room for; 0 where snapshots carry frozen rows only.
+    #[must_use]
+    pub fn max_nodes(&self) -> usize {
+        self.q_free.len()
+    }
+
+    /// Takes everything out and marks the patch as not valid.
+    pub fn clear(&mut self) {
+        self.skin.clear();
+        (self.valid, self.law, self.left_out) = (false, Signorini.into(), 0);
+    }
+
+    /// Its triangles and nodes.
+    #[must_use]
+    pub fn skin(&self) -> &SkinPatch {
+        &self.skin
+    }
+
+    /// The same, to be gathered anew; shape, forces and compliance then hold old numbers and must be filled.
+    pub fn skin_mut(&mut self) -> &mut SkinPatch {
+        &mut self.skin
+    }
+
+    /// Nodes.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.skin.nodes().len().min(self.q_free.len())
+    }
+
+    /// Whether the skin is out of the tool's reach.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Positions without contact \[m\], one a node.
+    #[must_use]
+    pub fn q_free(&self) -> &[Vector3<f64>] {
+        &self.q_free[..self.len()]
+    }
+
+    /// The same, to be filled.
+    pub fn q_free_mut(&mut self) -> &mut [Vector3<f64>] {
+        let nodes = self.len();
+        &mut self.q_free[..nodes]
+    }
+
+    /// Nodal contact forces of the step \[N\], one a node.
+    #[must_use]
+    pub fn force(&self) -> &[Vector3<f64>] {
+        &self.force[..self.len()]
+    }
+
+    /// The same, to be filled.
+    pub fn force_mut(&mut self) -> &mut [Vector3<f64>] {
+        let nodes = self.len();
+        &mut self.force[..nodes]
+    }
+
+    /// Degrees of freedom of the nodes that can move: the size of C.
+    #[must_use]
+    pub fn degrees_of_freedom(&self) -> usize {
+        3 * self.skin.movable().min(self.len())
+    }
+
+    /// C \[m/N\] over the nodes that can move, by columns, without padding; symmetric.
+    #[must_use]
+    pub fn compliance(&self) -> &[f64] {
+        let n = self.degrees_of_freedom();
+        &self.compliance[..n * n]
+    }
+
+    /// The same, to be filled.
+    pub fn compliance_mut(&mut self) -> &mut [f64] {
+        let n = self.degrees_of_freedom();
+        &mut self.compliance[..n * n]
+    }
+
+    /// `moved = C f` \[m\] for nodal forces \[N\]; nodes without force cost nothing.
+    pub fn yielding(&self, force: &[Vector3<f64>], moved: &mut [Vector3<f64>]) {
+        moved.fill(Vector3::zeros());
+        let n = self.degrees_of_freedom();
+        if n == 0 {
+            return;
+        }
+        for (columns, f) in self.compliance().chunks_exact(3 * n).zip(force) {
+            if *f == Vector3::zeros() {
+                continue;
+            }
+            let (x, rest) = columns.split_at(n);
+            let (y, z) = rest.split_at(n);
+            let columns = x.chunks_exact(3).zip(y.chunks_exact(3)).zip(z.chunks_exact(3));
+            for (to, ((x, y), z)) in moved.iter_mut().zip(columns) {
+                to.x += x[0] * f.x + y[0] * f.y + z[0] * f.z;
+                to.y += x[1] * f.x + y[1] * f.y + z[1] * f.z;
+                to.z += x[2] * f.x + y[2] * f.y + z[2] * f.z;
+            }
+        }
+    }
+
+    /// `q_free -= C f`: from the shape under the patch's own forces to that without.
+    pub fn relieve(&mut self) {
+        let n = self.degrees_of_freedom();
+        for (k, f) in self.force.iter().enumerate().take(n / 3) {
+            if *f == Vector3::zeros() {
+                continue;
+            }
+            for (c, f) in f.iter().enumerate() {
+                let column = &self.compliance[(3 * k + c) * n..(3 * k + c + 1) * n];
+                for (q, w) in self.q_free.iter_mut().zip(column.chunks_exact(3)) {
+                    *q -= Vector3::new(w[0], w[1], w[2]) * *f;
+                }
+            }
+        }
+    }
+
+    /// Makes this a copy of `other` without allocating. Returns false, and is left cleared, if `other` does not fit.
+    pub fn copy_from(&mut self, other: &Self) -> bool {
+        self.clear();
+        if other.len() > self.max_nodes() || !self.skin.copy_from(&other.skin) {
+            return false;
+        }
+        (self.valid, self.law, self.left_out) = (other.valid, other.law, other.left_out);
+        self.q_free_mut().copy_from_slice(other.q_free());
+        self.force_mut().copy_from_slice(other.force());
+        self.compliance_mut().copy_from_slice(other.compliance());
+        true
+    }
+}

@@ -1,0 +1,192 @@
+//! The local problem of a tick on a patch of tissue: contacts at the newest pose, their rows, forces, wrench.
+//!
+//! Let x = q_free + C f be the shape under the forces of the tick before, y = q_free + r a place that follows it (r goes
+//! 0.3 of its way to C f in each tick), and X the tool as the coupling would hold it if the force stayed. Contacts are
+//! found between y and X, and everything is linearised there:
+//! ```text
+//! W      = B (C + c) Bᵀ  (+ c_rot)            m/N     B: the rows' directions on the nodes; c: the coupling's compliance
+//! normal:   δ_free = gap(y, X) − n · r + J (X_predicted − X)                           m
+//! tangents: δ_free = t · (q_free − x₋) − t · (path of the tool's point since the tick before) + slip    m
+//! ```
+//! with x₋ the shape when the tick before ended. So normals follow the skin while the tool slides, a contact that begins
+//! between two steps is felt at once, and one tick is one damped iteration of Newton's method on the geometry. Undamped
+//! (y = x), a ball pressed deep into coarse skin goes round among sets of contacts, 7 % below the force of the step;
+//! damped it agrees to a thousandth. Detection at q_free would see the tool deep in tissue that has sprung back.
+//!
+//! Friction holds the place, not the velocity: `slip`, what the solver's tolerance left of a sticking contact's
+//! displacement, is added to the next tick's, so nothing creeps however loose the tolerance is.
+//!
+//! The steps' impulse and the tick's are not the same: the step solves its own contact with the tool where the tick left
+//! it, at its own begin. Both are measured ([`crate::record::TickRecord::contact_wrench`], the step's report).
+
+mod memory;
+mod rows;
+
+use nalgebra::{Isometry3, Vector3};
+use palpate_collision::PatchDetection;
+use palpate_collision::detection::DetectionConfig;
+use palpate_collision::shape::ToolShape;
+use palpate_solver::gauss_seidel::{self, GaussSeidelConfig};
+use palpate_solver::problem::ProblemView;
+
+use super::local::{Local, TickWorkspace};
+use crate::SetupError;
+use crate::coupling::Coupling;
+use crate::error::non_negative;
+use crate::patch::HapticPatch;
+
+pub(super) use memory::PatchMemory;
+use rows::Rows;
+
+/// Gap \[m\] up to which a feature of the patch is a contact of the tick. Deep in coarse skin, contacts that let go move it by
+/// a millimetre: what would then touch must be in the problem, or the ticks go round among sets of contacts.
+const NEAR: f64 = 2e-3;
+
+/// How ticks work on patches.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PatchTickConfig {
+    /// Shape of the tool.
+    pub tool: ToolShape,
+    /// How the step finds contacts; kind, reach, merging and capacity are the tick's too.
+    pub detection: DetectionConfig,
+    /// Nodes that a patch may have.
+    pub max_nodes: usize,
+    /// Time over which the shape goes over from one snapshot's to the next's \[s\], ≥ 0; 0 lets it jump.
+    pub hand_over: f64,
+}
+
+impl PatchTickConfig {
+    /// Default of `hand_over` \[s\].
+    pub const HAND_OVER: f64 = 10e-3;
+    /// Default of `max_nodes`.
+    pub const MAX_NODES: usize = 48;
+
+    pub(super) fn validate(&self) -> Result<(), SetupError> {
+        non_negative("tick hand_over [s]", self.hand_over)?;
+        let (value, range) = (self.max_nodes as f64, "at least 3");
+        if self.max_nodes < 3 {
+            return Err(SetupError::OutOfRange { what: "tick patch_nodes", value, range });
+        }
+        Ok(())
+    }
+}
+
+/// Scratch of ticks on patches.
+#[derive(Clone, Debug)]
+pub(super) struct PatchWorkspace {
+    detection: PatchDetection,
+    config: DetectionConfig,
+    rows: Rows,
+    /// Nodes under the forces of the tick before, at this tick's place in the hand-over \[m\].
+    shape: Vec<Vector3<f64>>,
+    /// Nodal forces \[N\] that the tick found, and C times them \[m\].
+    force: Vec<Vector3<f64>>,
+    moved: Vec<Vector3<f64>>,
+}
+
+impl PatchWorkspace {
+    pub(super) fn new(config: &PatchTickConfig) -> Self {
+        let nodes = config.max_nodes;
+        let contacts = config.detection.max_contacts;
+        let margin = config.detection.margin.min(NEAR);
+        let zeros = || vec![Vector3::zeros(); nodes];
+        Self {
+            detection: PatchDetection::new(nodes, contacts, &config.tool),
+            config: DetectionConfig { margin, ..config.detection },
+            rows: Rows::new(contacts),
+            shape: zeros(),
+            force: zeros(),
+            moved: zeros(),
+        }
+    }
+}
+
+/// What a tick on a patch works with: description.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PatchProblem<'a> {
+    pub(super) solver: &'a GaussSeidelConfig,
+    pub(super) coupling: &'a Coupling,
+    pub(super) config: &'a PatchTickConfig,
+}
+
+/// Poses of the tool in a tick.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ToolPoses {
+    /// If the force stayed as in the tick before.
+    pub(super) held: Isometry3<f64>,
+    /// Without contact.
+    pub(super) predicted: Isometry3<f64>,
+}
+
+impl PatchProblem<'_> {
+    /// The local problem with the tool at these poses. Changes nothing but the workspace: [`PatchMemory::keep`] does.
+    pub(super) fn solve(
+        &self,
+        memory: &PatchMemory,
+        patch: &HapticPatch,
+        poses: &ToolPoses,
+        ws: &mut TickWorkspace,
+    ) -> Local {
+        let TickWorkspace { patch: Some(scratch), w, solver, .. } = ws else { return Local::EMPTY };
+        let nodes = patch.len();
+        if nodes > scratch.shape.len() {
+            return Local { truncated: true, ..Local::EMPTY };
+        }
+        let fade = memory.fade(self.config.hand_over);
+        memory.shape_now(patch, fade, &mut scratch.shape[..nodes]);
+        let dropped = scratch.detection.detect(
+            patch.skin(),
+            &scratch.shape[..nodes],
+            &self.config.tool,
+            &poses.held,
+            &scratch.config,
+        );
+        scratch.force[..nodes].fill(Vector3::zeros());
+        scratch.moved[..nodes].fill(Vector3::zeros());
+        let truncated = dropped > 0;
+        let rows = &mut scratch.rows;
+        rows.build(scratch.detection.contacts(), &scratch.shape[..nodes], memory, patch, poses);
+        let m = rows.len();
+        if m == 0 {
+            return Local { truncated, ..Local::EMPTY };
+        }
+        let Some(w) = w.get_mut(..m * m) else { return Local { truncated: true, ..Local::EMPTY } };
+        let sound = rows.compliance_into(patch, self.coupling, w);
+
+        memory.warm_start(rows);
+        let view = ProblemView { compliance: w, stride: m, delta_free: &rows.delta_free, blocks: &rows.blocks };
+        let report = gauss_seidel::solve(&view, &mut rows.lambda, self.solver, solver);
+        rows.note_gaps(solver.delta());
+        rows.spread(&mut scratch.force[..nodes]);
+        patch.yielding(&scratch.force[..nodes], &mut scratch.moved[..nodes]);
+
+        let wrench = rows.wrench();
+        let finite = sound
+            && report.residual.is_finite()
+            && rows.delta_free.iter().all(|gap| gap.is_finite())
+            && scratch.moved[..nodes].iter().all(crate::wrench::all_finite);
+        Local {
+            finite,
+            wrench,
+            gap: rows.least_gap(),
+            contacts: rows.contacts() as u32,
+            active: rows.active() as u32,
+            sweeps: report.iterations,
+            residual: report.residual,
+            converged: report.is_solved(),
+            truncated,
+        }
+    }
+
+    /// Whether skin that the patch lacks could touch the tool at this pose: it has gone farther from the pose of the
+    /// snapshot than the patch was gathered for.
+    pub(super) fn is_beyond(&self, patch: &HapticPatch, from: &Isometry3<f64>, pose: &Isometry3<f64>) -> bool {
+        let (centre, radius) = self.config.tool.bounding_sphere(pose);
+        let (before, _) = self.config.tool.bounding_sphere(from);
+        let turned = match self.config.tool.axis(pose) {
+            Some([p, q]) if p == q => 0.0,
+            _ => radius * pose.rotation.angle_to(&from.rotation),
+        };
+        (centre - before).norm() + turned > patch.skin().clearance()
+    }
+}

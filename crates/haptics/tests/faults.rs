@@ -1,0 +1,146 @@
+//! Steps that stall, poses that jump and clocks that run backwards, while the tool presses a patch of tissue: the force
+//! stays finite and within its limits, changes no faster than its slew, and goes to zero where it must.
+
+mod sheet;
+
+use nalgebra::Vector3;
+use palpate_haptics::device::{DeviceSpec, TickTime};
+use palpate_haptics::record::{TickFlags, TickRecord};
+use palpate_haptics::snapshot::HapticSnapshot;
+use palpate_haptics::tick::{PatchTickConfig, Tick, TickConfig, TickState, TickWorkspace};
+use sheet::{Ball, Sheet, at, pose};
+
+const RADIUS: f64 = 5e-3;
+const MAX_FORCE: f64 = 3.0;
+/// Defaults of the limits (N/s, s).
+const SLEW: f64 = 2000.0;
+const STALE_AFTER: f64 = 0.2;
+const STALE_ZERO: f64 = 0.5;
+
+/// A tick with the default limits on a device of 3 N, and the step that it takes snapshots from.
+struct Rig {
+    tick: Tick,
+    state: TickState,
+    ws: TickWorkspace,
+    ball: Ball,
+    snapshot: HapticSnapshot,
+    index: u64,
+    sent: Vector3<f64>,
+}
+
+impl Rig {
+    fn new() -> Self {
+        let spec = DeviceSpec { max_force: MAX_FORCE, ..DeviceSpec::virtual_device(0.0) };
+        let ball = Ball::at_nodes(RADIUS);
+        let (tool, detection) = (ball.shape.clone(), ball.detection);
+        let patch = PatchTickConfig { tool, detection, max_nodes: 40, hand_over: PatchTickConfig::HAND_OVER };
+        let tick = Tick::new(&TickConfig::for_device(&spec), &spec).and_then(|tick| tick.on_patches(patch)).unwrap();
+        let (state, ws) = (tick.state(40), tick.workspace(40));
+        let snapshot = HapticSnapshot::with_patch(40, 40);
+        Self { tick, state, ws, ball, snapshot, index: 0, sent: Vector3::zeros() }
+    }
+
+    fn step(&mut self) {
+        let (number, place) = (self.snapshot.step + 1, pose(pressed()));
+        Sheet { friction: 0.3, ..Sheet::springs(1e-3) }.fill(&mut self.snapshot, number, &self.ball, &place);
+    }
+
+    /// A tick, and what must hold in every one.
+    fn tick(&mut self, position: Vector3<f64>, dt: f64) -> TickRecord {
+        let time = TickTime { index: self.index, time: self.index as f64 * 1e-3, dt };
+        self.index += 1;
+        let record = self.tick.tick(&mut self.state, &self.snapshot, &at(position), time, &mut self.ws);
+        let force = record.wrench.force;
+        assert!(record.wrench.is_finite() && record.contact_wrench.is_finite() && force.norm() <= MAX_FORCE + 1e-12);
+        let allowed = if dt > 0.0 && dt < 0.05 { SLEW * dt } else { SLEW * 1e-3 };
+        let ended = record.flags.contains(TickFlags::BAD_POSE) || record.flags.contains(TickFlags::NON_FINITE);
+        assert!((force - self.sent).norm() <= allowed * (1.0 + 1e-9) || ended, "{} N in a tick", force - self.sent);
+        self.sent = force;
+        record
+    }
+
+    /// Presses for a second with steps at 30 Hz; the force at its end.
+    fn press(&mut self) -> f64 {
+        for k in 0..990 {
+            if k % 33 == 0 {
+                self.step();
+            }
+            self.tick(pressed(), 1e-3);
+        }
+        self.sent.norm()
+    }
+}
+
+fn pressed() -> Vector3<f64> {
+    Vector3::z() * (RADIUS - 1e-3)
+}
+
+#[test]
+fn a_step_that_stalls_fades_the_force_out_and_its_return_fades_it_in() {
+    for (stall, lost) in [(0.1, false), (1.0, true), (10.0, true)] {
+        let mut rig = Rig::new();
+        let full = rig.press();
+        assert!(full > 0.3, "{full} N");
+        // The snapshot in use is 33 ms old by now.
+        for k in 0..(stall * 1e3) as u32 {
+            let record = rig.tick(pressed(), 1e-3);
+            let age = record.snapshot_age;
+            let share = ((STALE_ZERO - age) / (STALE_ZERO - STALE_AFTER)).clamp(0.0, 1.0);
+            assert!((record.wrench.force.norm() - share * full).abs() < 1e-3 * full, "stalled for {k} ms, age {age}");
+            assert_eq!(record.flags.contains(TickFlags::STALE), age > STALE_AFTER, "{age}");
+        }
+        assert_eq!(rig.sent == Vector3::zeros(), lost, "stalled for {stall} s");
+        rig.step();
+        let back = rig.tick(pressed(), 1e-3).wrench.force.norm();
+        assert!(if lost { back < 0.01 * full } else { (back - full).abs() < 1e-3 * full }, "{back} of {full}");
+        assert!((rig.press() - full).abs() < 1e-3 * full, "it is what it was");
+    }
+}
+
+#[test]
+fn without_any_snapshot_there_is_no_force_for_as_long_as_it_takes() {
+    let mut rig = Rig::new();
+    for _ in 0..5000 {
+        let record = rig.tick(pressed(), 1e-3);
+        assert!(record.flags.contains(TickFlags::NO_SNAPSHOT) && record.wrench.force == Vector3::zeros());
+    }
+    assert!(rig.press() > 0.3, "and the first one that comes serves");
+}
+
+#[test]
+fn a_pose_that_jumps_by_a_tenth_of_a_metre_in_a_tick_sends_no_wild_force() {
+    let jumps = [Vector3::x(), -Vector3::x(), Vector3::z(), -Vector3::z(), Vector3::new(0.6, 0.0, -0.8)];
+    for jump in jumps.map(|direction| direction * 0.1) {
+        for stays in [1, 5, 200] {
+            let mut rig = Rig::new();
+            let full = rig.press();
+            for _ in 0..stays {
+                let record = rig.tick(pressed() + jump, 1e-3);
+                assert!(record.flags.contains(TickFlags::BEYOND_PATCH), "{jump}");
+            }
+            if jump.z >= 0.0 && stays == 200 {
+                assert_eq!(rig.sent, Vector3::zeros(), "it is off the skin");
+            }
+            for _ in 0..400 {
+                rig.tick(pressed(), 1e-3);
+            }
+            let back = rig.press();
+            // Friction may have dragged the skin along: its share of the force is not what it was.
+            assert!((back - full).abs() < 0.35 * full, "{jump}, {stays} ticks: {back} of {full}");
+        }
+    }
+}
+
+#[test]
+fn a_clock_that_goes_backwards_or_stops_gives_a_ramp_and_no_more() {
+    for dt in [-1e-3, -10.0, 0.0, f64::NAN, f64::NEG_INFINITY, f64::INFINITY] {
+        let mut rig = Rig::new();
+        let full = rig.press();
+        for _ in 0..10 {
+            let record = rig.tick(pressed(), dt);
+            assert!(record.flags.contains(TickFlags::GAP), "{dt}");
+            assert!(record.wrench.force.norm() <= full * (1.0 + 1e-9));
+        }
+        assert!(rig.press() > 0.99 * full, "{dt}: it goes on");
+    }
+}

@@ -1,0 +1,264 @@
+//! The tissue around the tool for the tick: skin, nodal compliance, and the shape without the step's own forces.
+//!
+//! A patch reaches as far as the tool may touch until two more steps have passed, at the speed that it has now, and from
+//! rest at [`START`]. Its compliance is that of the step's own inverse, in which rows that do not touch the tool and carry
+//! force are held ([`condense`]): all of a contact that sticks, the normal of one that slides. Its free shape is the step's
+//! without the forces of the tool, and with those of the others.
+//!
+//! A patch has skin alone. While the tool is at a rigid body too, the tick has the step's rows, which know both.
+
+use nalgebra::{DMatrixViewMut, Isometry3, Vector3};
+use palpate_collision::{PatchConfig, PatchGathering};
+use palpate_constraints::condensed::condense;
+use palpate_constraints::rows::{ContactRows, ToolRow};
+use palpate_fem::sparse::FIXED;
+use palpate_haptics::patch::HapticPatch;
+
+use super::stages;
+use super::{StepInput, StepReport, StepState, StepWorkspace};
+use crate::world::World;
+
+/// Steps until the next patch is there at the latest: the one at hand, and the one after it, which begins with it.
+const STEPS: f64 = 2.0;
+
+/// How far (m) a tool at rest may get meanwhile: at 2 m/s², a brisk hand, within two steps at 30 Hz.
+const START: f64 = 4e-3;
+
+/// Memory for patches, sized at set-up.
+pub(super) struct PatchStage {
+    gathering: PatchGathering,
+    /// Three rows for each node that can move, then the rows that are held.
+    rows: ContactRows,
+    /// Their compliance, where some are held.
+    w: Vec<f64>,
+    max_rows: usize,
+}
+
+impl PatchStage {
+    /// Memory for patches of `nodes` nodes, and as many rows in all as compliance has memory for.
+    pub(super) fn new(world: &World, nodes: usize, max_rows: usize) -> Self {
+        Self {
+            gathering: PatchGathering::new(world.geometry()),
+            rows: ContactRows::with_capacity(max_rows.max(3 * nodes).div_ceil(3)),
+            w: Vec::with_capacity(max_rows * max_rows),
+            max_rows,
+        }
+    }
+}
+
+/// Fills the patch, or leaves it not valid: the tick then has the step's rows, and the report says why.
+pub(super) fn fill(
+    world: &World,
+    input: &StepInput<'_>,
+    before: Option<&Isometry3<f64>>,
+    state: &StepState,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
+    patch: &mut HapticPatch,
+) {
+    patch.clear();
+    report.frozen_at_rigid = ws.rigid.tool_blocks > ws.rigid.skin_blocks;
+    if report.frozen_at_rigid {
+        return;
+    }
+    let Some(mut stage) = ws.patch.take() else { return };
+    patch.law = world.description().contact.contact_law();
+    report.patch = gather(world, input, before, state, ws, &mut stage, patch);
+    patch.left_out = report.patch.left_out as u32;
+    patch.valid = patch.skin().movable() == 0 || compliance(world, input, state, ws, &mut stage, report, patch);
+    if patch.valid {
+        shape(world, state, ws, patch);
+    }
+    ws.patch = Some(stage);
+}
+
+/// The skin near the tool where the step left it.
+fn gather(
+    world: &World,
+    input: &StepInput<'_>,
+    before: Option<&Isometry3<f64>>,
+    state: &StepState,
+    ws: &StepWorkspace,
+    stage: &mut PatchStage,
+    patch: &mut HapticPatch,
+) -> palpate_collision::PatchReport {
+    let (tool, pose) = (world.tool(), &input.tool);
+    let (centre, radius) = tool.bounding_sphere(pose);
+    let path = before.map_or(0.0, |before| {
+        (centre - tool.bounding_sphere(before).0).norm() + radius * pose.rotation.angle_to(&before.rotation)
+    });
+    let config =
+        PatchConfig { margin: world.detection().margin, travel: START + STEPS * path, side: state.contacts.side };
+    let free = world.model().free_of_node();
+    let movable = |node: u32| free.get(node as usize).is_some_and(|&free| free != FIXED);
+    let skin = patch.skin_mut();
+    stage.gathering.gather(&ws.geometry, &state.fem.q, (tool, pose), &config, movable, skin)
+}
+
+/// C of the patch; false where there is none.
+fn compliance(
+    world: &World,
+    input: &StepInput<'_>,
+    state: &StepState,
+    ws: &mut StepWorkspace,
+    stage: &mut PatchStage,
+    report: &mut StepReport,
+    patch: &mut HapticPatch,
+) -> bool {
+    let free = world.model().free_of_node();
+    let (rows, n) = (&mut stage.rows, patch.degrees_of_freedom());
+    rows.clear();
+    for &node in &patch.skin().nodes()[..patch.skin().movable()] {
+        for k in 0..3 {
+            rows.tissue.push_row([(free[node as usize], Vector3::ith(k, 1.0))]);
+            rows.rigid.push_row([]);
+            push_nothing(rows);
+        }
+    }
+    // Rows that are closed and do not touch the tool.
+    let laws = ws.problem.view().blocks;
+    for (k, block) in ws.rows.blocks.iter().enumerate().skip(ws.rigid.tool_blocks) {
+        let Some(force) = ws.lambda.get(block.range()).filter(|force| force[0] > 0.0) else { continue };
+        let force = Vector3::from_fn(|i, _| force.get(i).copied().unwrap_or(0.0));
+        let sticks = laws.get(k).is_none_or(|block| block.law.sticks(&force));
+        let held = block.range().take(if sticks { block.range().len() } else { 1 });
+        if rows.len() + held.len() <= stage.max_rows {
+            for r in held {
+                rows.tissue.push_row(ws.rows.tissue.row(r));
+                rows.rigid.push_row(ws.rows.rigid.row(r).iter().copied());
+                push_nothing(rows);
+            }
+        }
+    }
+    let all = rows.len();
+    stages::own_factor(world, state.exact_steps, ws, report);
+    if all == n {
+        return stages::compliance_of(world, input.factor, rows, square(patch.compliance_mut(), n), ws).0.usable;
+    }
+    stage.w.resize(all * all, 0.0);
+    let usable = stages::compliance_of(world, input.factor, rows, square(&mut stage.w, all), ws).0.usable;
+    let held = usable.then(|| condense(&mut stage.w, all, n)).flatten();
+    for (to, from) in patch.compliance_mut().chunks_exact_mut(n).zip(stage.w.chunks_exact(all)) {
+        to.copy_from_slice(&from[..n]);
+    }
+    held.is_some()
+}
+
+/// The tool's part of a row that it does not touch, and a gap: compliance asks for neither.
+fn push_nothing(rows: &mut ContactRows) {
+    rows.tool.push(ToolRow { force: Vector3::zeros(), torque: Vector3::zeros() });
+    rows.delta_free.push(0.0);
+}
+
+/// Forces of the tool on the patch's nodes in the step, and where the nodes are without them.
+fn shape(world: &World, state: &StepState, ws: &mut StepWorkspace, patch: &mut HapticPatch) {
+    ws.load.fill(0.0);
+    for (r, lambda) in ws.lambda.iter().enumerate().take(ws.tool_rows()) {
+        for (node, direction) in ws.rows.tissue.row(r) {
+            let at = 3 * node as usize;
+            if let Some(load) = ws.load.get_mut(at..at + 3) {
+                load.iter_mut().zip(&direction).for_each(|(load, d)| *load += d * lambda);
+            }
+        }
+    }
+    let (load, free) = (&ws.load, world.model().free_of_node());
+    let movable = patch.skin().movable();
+    for k in 0..patch.len() {
+        let node = patch.skin().nodes()[k] as usize;
+        let at = 3 * free[node] as usize;
+        let loaded = load.get(at..at.saturating_add(3)).filter(|_| k < movable);
+        patch.force_mut()[k] = loaded.map_or(Vector3::zeros(), Vector3::from_column_slice);
+    }
+    for k in 0..patch.len() {
+        let node = patch.skin().nodes()[k] as usize;
+        patch.q_free_mut()[k] = state.fem.q[node];
+    }
+    patch.relieve();
+}
+
+/// A square matrix by columns.
+fn square(w: &mut [f64], n: usize) -> DMatrixViewMut<'_, f64> {
+    DMatrixViewMut::from_slice(w, n, n)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Isometry3;
+    use palpate_constraints::rows::RowBlock;
+
+    use super::*;
+    use crate::refresh::FactorSample;
+    use crate::scene::Scene;
+    use crate::step::step;
+
+    /// A ball 1 mm deep in a block.
+    const PRESS: &str = r#"
+        name = "press"
+        [[body]]
+        name = "block"
+        block = { min = [0, 0, 0], max = [0.04, 0.04, 0.04], cells = [4, 4, 4] }
+        material = { law = "neo_hookean", young = 5e3, poisson = 0.4 }
+        fixed = [{ below = { axis = "z", at = 0.0 } }]
+        [[tool]]
+        name = "ball"
+        shape = { kind = "sphere", radius = 0.012 }
+        [hand]
+        path = [{ time = 0.0, position = [0.02, 0.02, 0.053] }]
+    "#;
+
+    #[test]
+    fn a_patch_gives_the_step_back_and_rows_that_hold_elsewhere_are_condensed_into_it() {
+        let world = Scene::from_toml(PRESS, std::path::Path::new("")).unwrap().build().unwrap();
+        let mut ws = StepWorkspace::new(&world);
+        let factor = FactorSample::first(&world, &world.model().rest_state(), &mut ws).unwrap();
+        let mut state = StepState::new(&world, world.model().rest_state());
+        let mut snapshot = world.empty_snapshot();
+        let input = StepInput { time: 0.0, tool: Isometry3::translation(0.02, 0.02, 0.051), factor: &factor };
+        let mut report = step(&world, &input, &mut state, &mut ws, &mut snapshot);
+        let patch = &snapshot.patch;
+        assert!(patch.valid && patch.len() == report.patch.nodes && report.active > 0);
+        // The forces are those of the step, and under them the shape is the step's.
+        let total: Vector3<f64> = patch.force().iter().sum();
+        assert!((total + report.force).norm() < 1e-12 * total.norm(), "{total} {}", report.force);
+        let mut moved = vec![Vector3::zeros(); patch.len()];
+        patch.yielding(patch.force(), &mut moved);
+        for (k, &node) in patch.skin().nodes().iter().enumerate() {
+            let off = patch.q_free()[k] + moved[k] - state.fem.q[node as usize];
+            assert!(off.norm() < 1e-15, "node {node}: {off}");
+        }
+        // C is that of the rows: W of the step's own contacts at nodes.
+        let n = patch.degrees_of_freedom();
+        let free = patch.compliance().to_vec();
+        for (j, block) in ws.rows.blocks.iter().enumerate() {
+            let node = state.contacts.contacts[block.contact as usize].nodes[0];
+            let (k, normal) = (patch.skin().number_of(node).unwrap(), ws.rows.frames[j].normal);
+            let c = nalgebra::DMatrixView::from_slice(&free, n, n);
+            let expected = normal.dot(&(c.fixed_view::<3, 3>(3 * k, 3 * k) * normal));
+            let w = ws.problem.view().column(block.first_row as usize)[block.first_row as usize];
+            assert!((w - expected).abs() < 1e-12 * w, "{w} {expected}");
+        }
+
+        // A suture holds one of its nodes in x: nothing that the tool does moves that node there any more.
+        let held = patch.skin().nodes()[3];
+        let free_node = world.model().free_of_node()[held as usize];
+        let first_row = ws.rows.len() as u32;
+        ws.rows.tissue.push_row([(free_node, Vector3::x())]);
+        ws.rows.rigid.push_row([]);
+        push_nothing(&mut ws.rows);
+        ws.rows.blocks.push(RowBlock { contact: 0, first_row, rows: 1 });
+        ws.rows.frames.push(ws.rows.frames[0]);
+        ws.lambda[first_row as usize] = 1.0;
+        fill(&world, &input, None, &state, &mut ws, &mut report, &mut snapshot.patch);
+        let condensed = snapshot.patch.compliance();
+        assert!(snapshot.patch.valid && condensed.len() == free.len());
+        let c = |w: &[f64], i: usize, j: usize| w[j * n + i];
+        for j in 0..n {
+            assert!(c(condensed, 9, j).abs() < 1e-12 * c(&free, 9, 9), "it moves by {} m/N", c(condensed, 9, j));
+            assert!(c(condensed, j, j) <= c(&free, j, j) * (1.0 + 1e-12), "and nothing yields more than before");
+            for i in 0..n {
+                let expected = c(&free, i, j) - c(&free, i, 9) * c(&free, 9, j) / c(&free, 9, 9);
+                assert!((c(condensed, i, j) - expected).abs() < 1e-12 * c(&free, 9, 9), "{i} {j}");
+            }
+        }
+    }
+}
