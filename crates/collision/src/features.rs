@@ -152,7 +152,7 @@ impl<S: Skin> Meeting<'_, S> {
         for (&node, &weight) in point.nodes.iter().zip(&point.weights) {
             let Some(q) = self.positions.get(node as usize).filter(|q| is_usable(q)) else { return };
             x += q * weight;
-            skin += self.surface.vertex_normal(node) * weight;
+            skin += self.surface.node_normal(node) * weight;
         }
         let skin = skin.try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
         if let Some(touch) = touch(self.tool, self.pose, &x, &skin) {

@@ -226,7 +226,13 @@ impl PatchDetection {
         self.features.clear();
         self.contacts.clear();
         let meeting = Meeting { surface: patch, positions, tool, pose };
-        let mut found = Collector { features: &mut self.features, margin: config.margin, candidates: 0, dropped: 0 };
+        let mut found = Collector {
+            features: &mut self.features,
+            margin: config.margin,
+            candidates: 0,
+            dropped: 0,
+            holding: false,
+        };
         let nodes = 0..patch.names.len() as u32;
         let triangles = 0..patch.triangles.len() as u32;
         match (config.kind, tool.axis(pose), tool.hull()) {
