@@ -127,6 +127,8 @@ fn begin(world: &World, change: &Change, state: &mut StepState, ws: &mut StepWor
     ws.trial.memory.resize(change.memory().len(), Default::default());
     ws.trial.q.copy_from_slice(&state.fem.q);
     state.warm_start.renumber(|feature| change.feature(feature));
+    // Points of a skin that is not there any more.
+    state.contacts.held.clear();
     state.pairs.iter_mut().for_each(|pair| pair.renumber(change));
     if let Some(other) = ws.change.others.get_mut(state.phase) {
         std::mem::swap(&mut ws.fem, &mut other.fem);

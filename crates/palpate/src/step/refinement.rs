@@ -80,7 +80,7 @@ pub(super) fn refine(
     if better {
         report.solve = SolveReport { iterations: report.solve.iterations + solve.iterations, ..solve };
         report.error.along_forces = after.along_forces();
-        take_forces(state, ws, report);
+        take_forces(world, state, ws, report);
     } else {
         ws.lambda[..m].copy_from_slice(&ws.refinement.lambda[..m]);
         ws.correction.copy_from_slice(&ws.refinement.motion);

@@ -275,18 +275,20 @@ pub(super) fn solve(
     if let Some(files) = ws.problem_files.as_mut().filter(|_| solved) {
         files.save(report.step, &ws.problem, &ws.lambda[..m]);
     }
-    take_forces(state, ws, report);
+    take_forces(world, state, ws, report);
 }
 
 /// Remembers the forces for the next step, and reports their sum.
-pub(super) fn take_forces(state: &mut StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
+pub(super) fn take_forces(world: &World, state: &mut StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
     bodies::store(state, ws, report);
     let lambda = &ws.lambda[..ws.rows.len()];
     state.warm_start.store(&state.contacts.contacts, &ws.rows, 0..ws.rigid.skin_blocks, lambda);
 
-    let pushes = |first_row: u32| lambda.get(first_row as usize).is_some_and(|&force| force > 0.0);
-    let loaded = ws.rows.blocks.iter().take(ws.rigid.skin_blocks).filter(|block| pushes(block.first_row));
-    state.contacts.hold(loaded.map(|block| block.contact as usize));
+    if world.description().contact.hold {
+        let pushes = |first_row: u32| lambda.get(first_row as usize).is_some_and(|&force| force > 0.0);
+        let loaded = ws.rows.blocks.iter().take(ws.rigid.skin_blocks).filter(|block| pushes(block.first_row));
+        state.contacts.hold(loaded.map(|block| block.contact as usize));
+    }
 
     (report.active, report.indentation) = (0, 0.0);
     let wrench = ws.rows.wrench(lambda);

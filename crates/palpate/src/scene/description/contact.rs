@@ -93,6 +93,9 @@ pub struct ContactDescription {
     pub margin: f64,
     /// How far (m) the whole tool may lie below the skin and still be pushed out.
     pub reach: f64,
+    /// Whether points of faces that carry a force stay contacts until they unload; for spheres and capsules at `"faces"`. The
+    /// force of a still tool then comes to rest, and depends a little (a percent) on how the tool came there.
+    pub hold: bool,
     /// Face contacts closer than this (m) are merged.
     pub merge_distance: f64,
     /// Largest number of contacts; the deepest are kept.
@@ -111,6 +114,7 @@ impl Default for ContactDescription {
             at: ContactKind::Nodes,
             margin: 0.004,
             reach: 0.02,
+            hold: false,
             merge_distance: 0.001,
             max_contacts: 48,
         }
