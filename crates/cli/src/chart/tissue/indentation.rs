@@ -108,7 +108,7 @@ pub(crate) fn cases(quick: bool) -> Vec<Case> {
 pub(crate) struct Indentation {
     /// Force (N) at [`DEPTHS`]; NaN where a step failed.
     pub(crate) force: [f64; 5],
-    /// Whether the body came to rest at every depth. Contact on faces may hop between facets for ever.
+    /// Whether the body came to rest at every depth.
     pub(crate) rests: bool,
     /// Nodes of the body.
     pub(crate) nodes: usize,
