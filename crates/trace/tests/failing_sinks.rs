@@ -31,7 +31,10 @@ fn a_config_without_sense_is_refused_before_the_file_is_touched() {
     refused(|config| config.tick_capacity = 0, "tick_capacity is 0");
     refused(|config| config.geometry_stride = 0, "geometry_stride is 0");
     refused(|config| config.bodies[0].triangles[2][1] = 4, "triangle 2 of body 'tetrahedron' is 4");
-    refused(|config| config.tool = Some(palpate_trace::ToolShape::Sphere { radius: -1.0 }), "radius of a tool or body is -1");
+    refused(
+        |config| config.tool = Some(palpate_trace::ToolShape::Sphere { radius: -1.0 }),
+        "radius of a tool or body is -1",
+    );
     refused(
         |config| config.tool = Some(palpate_trace::ToolShape::Mesh { vertices: vec![], triangles: vec![[0, 1, 2]] }),
         "body 'tool'",
