@@ -157,7 +157,7 @@ pub enum Counterpart {
 /// What rows are built from, besides the contacts.
 #[derive(Clone, Copy, Debug)]
 pub struct RowInput<'a> {
-    /// Free node of each node of the body, or [`FIXED`].
+    /// Free node of each node of the body, or [`FIXED`](palpate_fem::sparse::FIXED).
     pub free_of_node: &'a [u32],
     /// Free velocity of the free nodes [m/s], three numbers each.
     pub v_free: &'a [f64],

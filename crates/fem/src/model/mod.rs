@@ -127,7 +127,7 @@ impl FemModel {
         &self.quadratic
     }
 
-    /// Free nodes at the corners of each element, [`FIXED`] where a node is fixed.
+    /// Free nodes at the corners of each element, [`FIXED`](crate::sparse::FIXED) where a node is fixed.
     pub fn free_tetrahedra(&self) -> &[[u32; 4]] {
         &self.free_tetrahedra
     }
@@ -152,7 +152,7 @@ impl FemModel {
         &self.mass
     }
 
-    /// Free number of every node, [`FIXED`] for fixed ones and for those that are held.
+    /// Free number of every node, [`FIXED`](crate::sparse::FIXED) for fixed ones and for those that are held.
     pub fn free_of_node(&self) -> &[u32] {
         &self.free_of_node
     }
