@@ -3,6 +3,7 @@
 #![allow(clippy::print_stdout)] // measured numbers
 
 mod block;
+mod slope;
 
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
 use std::path::Path;
@@ -15,45 +16,11 @@ use palpate::solver::report::SolveStatus;
 use palpate::step::{StepReport, StepStatus};
 
 use block::{RADIUS, SKIN};
+use slope::{DT, G, leaning};
 
-const G: f64 = 9.81;
-const DT: f64 = 0.005;
-
-/// A free block of 8 x 8 x 3 cm and 1 MPa on a level floor, with gravity leaning by `angle` towards `heading` (rad).
+/// The block on a slope of `angle` that falls towards `heading` (rad).
 fn incline(contact: &str, angle: f64, heading: f64) -> World {
-    let text = format!(
-        r#"
-        name = "incline"
-        gravity = [{}, {}, {}]
-        [rates]
-        step = {}
-        [[body]]
-        name = "block"
-        block = {{ min = [-0.04, -0.04, 0], max = [0.04, 0.04, 0.03], cells = [3, 3, 2] }}
-        density = 1000
-        rayleigh_stiffness = 0.02
-        material = {{ law = "neo_hookean", young = 1e6, poisson = 0.3 }}
-        compliance = "exact"
-        tolerance = 1e-13
-        [[tool]]
-        name = "floor"
-        shape = {{ kind = "convex", vertices = [
-            [-9, -9, -1], [9, -9, -1], [-9, 9, -1], [9, 9, -1], [-9, -9, 0], [9, -9, 0], [-9, 9, 0], [9, 9, 0]] }}
-        [contact]
-        at = "nodes"
-        {contact}
-        [solver]
-        tolerance = 1e-10
-        max_sweeps = 100000
-        [hand]
-        path = [{{ time = 0, position = [0, 0, 0] }}]
-        "#,
-        G * angle.sin() * heading.cos(),
-        G * angle.sin() * heading.sin(),
-        -G * angle.cos(),
-        1.0 / DT,
-    );
-    Scene::from_toml(&text, Path::new("")).unwrap().build().unwrap()
+    slope::world(leaning(angle, heading), contact)
 }
 
 fn mass(world: &World) -> f64 {

@@ -5,59 +5,23 @@
 
 #![allow(clippy::print_stdout)] // tables of what was measured
 
+mod slope;
+
 use nalgebra::{Isometry3, Vector3};
 use palpate::prelude::*;
 use palpate::solver::report::SolveStatus;
 use palpate::step::{StepReport, StepStatus};
+use slope::{DT, G, leaning};
 
 const FRICTION: f64 = 0.5;
-const G: f64 = 9.81;
-const DT: f64 = 0.005;
 
 /// Steps in which the block's elastic motion dies out, and steps that are measured.
 const SETTLE: usize = 40;
 const MEASURE: usize = 20;
 
-/// Gravity on a slope of `angle` (rad) that falls towards `heading` (rad).
-fn leaning(angle: f64, heading: f64) -> Vector3<f64> {
-    Vector3::new(angle.sin() * heading.cos(), angle.sin() * heading.sin(), -angle.cos()) * G
-}
-
-/// A block of 8 x 8 x 3 cm on the floor, stiff enough (1 MPa) to bend by micrometres under its weight.
+/// The block with friction.
 fn world(gravity: Vector3<f64>) -> World {
-    let text = format!(
-        r#"
-        name = "incline"
-        gravity = [{}, {}, {}]
-        [rates]
-        step = {}
-        [[body]]
-        name = "block"
-        block = {{ min = [-0.04, -0.04, 0], max = [0.04, 0.04, 0.03], cells = [3, 3, 2] }}
-        density = 1000
-        rayleigh_stiffness = 0.02
-        material = {{ law = "neo_hookean", young = 1e6, poisson = 0.3 }}
-        compliance = "exact"
-        tolerance = 1e-13
-        [[tool]]
-        name = "floor"
-        shape = {{ kind = "convex", vertices = [
-            [-9, -9, -1], [9, -9, -1], [-9, 9, -1], [9, 9, -1], [-9, -9, 0], [9, -9, 0], [-9, 9, 0], [9, 9, 0]] }}
-        [contact]
-        at = "nodes"
-        friction = {FRICTION}
-        [solver]
-        tolerance = 1e-10
-        max_sweeps = 100000
-        [hand]
-        path = [{{ time = 0, position = [0, 0, 0] }}]
-        "#,
-        gravity.x,
-        gravity.y,
-        gravity.z,
-        1.0 / DT,
-    );
-    Scene::from_toml(&text, std::path::Path::new("")).unwrap().build().unwrap()
+    slope::world(gravity, &format!("friction = {FRICTION}"))
 }
 
 /// Momentum of the body (kg m/s).
