@@ -34,6 +34,7 @@ mod penalty;
 mod preconditioner;
 mod refinement;
 mod report;
+mod rigid;
 mod stages;
 mod workspace;
 
@@ -50,10 +51,10 @@ use crate::scene::Refactor;
 use crate::world::{Integration, World};
 
 pub use bodies::{BodiesReport, PairForce};
-pub(crate) use bodies::{digest, placements};
 pub(crate) use change::pass_next_event;
 pub use change::{ChangeReport, FactorFit, pass_events};
 pub use report::{ComplianceError, FailedElement, StepReport, StepStatus, StepTimes};
+pub(crate) use rigid::{digest, placements};
 pub use workspace::{StepState, StepWorkspace};
 
 /// What a step reads from the other threads.
@@ -134,7 +135,7 @@ fn contact(
     clock: &mut Clock,
 ) {
     stages::detection(world, &input.tool, state, ws, report);
-    bodies::rigid_motion(world, state, ws);
+    rigid::rigid_motion(world, state, ws);
     report.times.detection += clock.lap();
     stages::rows(world, &input.tool, state, ws, report);
     stages::compliance(world, input.factor, state.exact_steps, ws, report);

@@ -222,7 +222,7 @@ pub(super) fn inverse<'a>(
     own: Option<&'a Factor>,
     newton: Option<&'a NewtonStage>,
     rotations: &'a [Matrix3<f64>],
-) -> (WarpedInverse<'a, Factor>, ComplianceMethod) {
+) -> (WarpedInverse<'a, &'a Factor>, ComplianceMethod) {
     let own = match newton {
         Some(newton) => newton.factored.then_some(&newton.ws.factor),
         None if world.plan().constant => Some(&latest.factor),

@@ -21,11 +21,12 @@ use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::solver::{Solver, SolverWorkspace};
 use std::sync::Arc;
 
-use super::bodies::{self, PairForce, PairState, RigidStage};
+use super::bodies::{self, PairForce, PairState};
 use super::change::ChangeStage;
 use super::direct::DirectStage;
 use super::patch::PatchStage;
 use super::refinement::RefinementWorkspace;
+use super::rigid::RigidStage;
 use crate::problem_files::ProblemFiles;
 use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
