@@ -25,6 +25,8 @@ mod bodies;
 mod change;
 mod correction;
 mod direct;
+mod forces;
+mod free_motion;
 mod guard;
 mod hand_over;
 mod lagrange;
@@ -36,6 +38,7 @@ mod refinement;
 mod report;
 mod rigid;
 mod stages;
+mod state;
 mod workspace;
 
 use std::time::Instant;
@@ -55,7 +58,8 @@ pub(crate) use change::pass_next_event;
 pub use change::{ChangeReport, FactorFit, pass_events};
 pub use report::{ComplianceError, FailedElement, StepReport, StepStatus, StepTimes};
 pub(crate) use rigid::{digest, placements};
-pub use workspace::{StepState, StepWorkspace};
+pub use state::StepState;
+pub use workspace::StepWorkspace;
 
 /// What a step reads from the other threads.
 #[derive(Clone, Copy)]
@@ -93,7 +97,7 @@ pub fn step(
             report.assembly = assemble(world.model(), &state.fem, world.dt(), &[], &mut ws.fem);
             open_folds(world, state, ws, &mut report);
             report.times.assembly = clock.lap();
-            stages::free_motion(world, input.factor, state, ws, &mut report);
+            free_motion::free_motion(world, input.factor, state, ws, &mut report);
             guard(world, state, ws, &mut report);
             report.times.free_motion = clock.lap();
             contact(world, input, state, ws, &mut report, &mut clock);
@@ -140,7 +144,7 @@ fn contact(
     stages::rows(world, &input.tool, state, ws, report);
     stages::compliance(world, input.factor, state.exact_steps, ws, report);
     report.times.compliance += clock.lap();
-    stages::solve(world, input, state, ws, report);
+    forces::solve(world, input, state, ws, report);
     report.times.solve += clock.lap();
     correction::correct(world, input.factor, state, ws, report);
     report.times.correction += clock.lap();
@@ -161,7 +165,7 @@ fn explicit(
     let share = 1.0 / f64::from(substeps);
     let (mut force, mut torque, mut residual, mut sweeps) = (Vector3::zeros(), Vector3::zeros(), 0.0_f64, 0);
     for k in 1..=substeps {
-        stages::explicit_motion(world, state, ws, report);
+        free_motion::explicit_motion(world, state, ws, report);
         report.times.free_motion += clock.lap();
         let tool = if k == substeps { input.tool } else { between(&from, &input.tool, f64::from(k) * share) };
         (report.active, report.indentation) = (0, 0.0);

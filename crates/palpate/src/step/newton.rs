@@ -17,7 +17,7 @@ use palpate_fem::integrator::newton::{NewtonConfig, NewtonStatus};
 use palpate_fem::pcg::{PcgReport, PcgStatus};
 
 use super::workspace::NewtonStage;
-use super::{Clock, StepInput, StepReport, StepState, StepWorkspace, correction, rigid, stages};
+use super::{Clock, StepInput, StepReport, StepState, StepWorkspace, correction, forces, rigid, stages};
 use crate::world::World;
 
 /// Most motions under corrected forces in one step.
@@ -50,7 +50,7 @@ pub(super) fn newton_with_contact(
         stages::choose_laws(world, ws);
         report.times.compliance += clock.lap();
         (report.active, report.indentation) = (0, 0.0);
-        stages::solve(world, input, state, ws, report);
+        forces::solve(world, input, state, ws, report);
         report.times.solve += clock.lap();
         if ws.rows.is_empty() || !report.compliance.usable || stays(ws) {
             break;

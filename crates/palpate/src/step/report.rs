@@ -12,7 +12,7 @@ use palpate_solver::report::SolveReport;
 use super::StepInput;
 use super::bodies::BodiesReport;
 use super::change::ChangeReport;
-use super::stages::NOT_SOLVED;
+use super::forces::NOT_SOLVED;
 
 /// How a step ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
