@@ -39,6 +39,7 @@ mod report;
 mod rigid;
 mod stages;
 mod state;
+mod times;
 mod workspace;
 
 use std::time::Instant;
@@ -56,9 +57,10 @@ use crate::world::{Integration, World};
 pub use bodies::{BodiesReport, PairForce};
 pub(crate) use change::pass_next_event;
 pub use change::{ChangeReport, FactorFit, pass_events};
-pub use report::{ComplianceError, FailedElement, StepReport, StepStatus, StepTimes};
+pub use report::{ComplianceError, FailedElement, StepReport, StepStatus};
 pub(crate) use rigid::{digest, placements};
 pub use state::StepState;
+pub use times::StepTimes;
 pub use workspace::StepWorkspace;
 
 /// What a step reads from the other threads.

@@ -13,6 +13,7 @@ use super::StepInput;
 use super::bodies::BodiesReport;
 use super::change::ChangeReport;
 use super::forces::NOT_SOLVED;
+use super::times::StepTimes;
 
 /// How a step ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -59,42 +60,6 @@ impl ComplianceError {
     pub fn measured(&self) -> Option<f64> {
         let worst = self.along_forces.max(self.sampled); // ignores one NaN
         (!worst.is_nan()).then_some(worst)
-    }
-}
-
-/// Wall time of the stages (s).
-#[derive(Clone, Copy, Debug, Default)]
-pub struct StepTimes {
-    /// Forces and system matrix.
-    pub assembly: f64,
-    /// Nodal rotations and conjugate gradients.
-    pub free_motion: f64,
-    /// Contacts.
-    pub detection: f64,
-    /// Rows and `W`.
-    pub compliance: f64,
-    /// Contact forces; by a direct approach with the motion that belongs to them.
-    pub solve: f64,
-    /// Correction and the check that the body is finite.
-    pub correction: f64,
-    /// Comparing a column of `W` with the exact one.
-    pub sampling: f64,
-    /// Filling the snapshot.
-    pub hand_over: f64,
-    /// All of it.
-    pub total: f64,
-}
-
-impl StepTimes {
-    pub(super) fn sum(&self) -> f64 {
-        self.assembly
-            + self.free_motion
-            + self.detection
-            + self.compliance
-            + self.solve
-            + self.correction
-            + self.sampling
-            + self.hand_over
     }
 }
 
@@ -217,6 +182,11 @@ impl StepReport {
             latency: 0.0,
             overruns: 0,
         }
+    }
+
+    /// Contacts that found no room in the step, of any pair of bodies: at detection, or among the rows.
+    pub fn dropped(&self) -> u64 {
+        self.detection.dropped as u64 + u64::from(self.bodies.dropped) + self.rows.dropped as u64
     }
 
     /// Names and units of [`StepReport::row`].
