@@ -11,6 +11,7 @@ use crate::problem_files::ProblemFiles;
 use crate::record::{FactorLine, StepLine, TickLine, TraceLines};
 use crate::refresh::{FactorSample, Refresh, RefreshPort, RefreshWatch, refresh};
 use crate::run::{RunError, RunOptions, RunOutcome};
+use crate::scene::{Staleness, staleness};
 use crate::settle::settle;
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
 use crate::summary::RigidEnd;
@@ -58,6 +59,9 @@ impl<'w, T> Engine<'w, T> {
         first: Isometry3<f64>,
         make: impl FnOnce(TickEnds) -> Result<T, RunError>,
     ) -> Result<Self, RunError> {
+        if let Some((Staleness::Gone, sentence)) = staleness(world.description()) {
+            return Err(RunError::Rates(sentence));
+        }
         let mut notes = Vec::new();
         let (rest, settled) = settle(world);
         if let Some(report) = settled.filter(|report| !report.is_converged()) {

@@ -9,7 +9,7 @@ mod parse;
 use std::path::{Path, PathBuf};
 
 pub use bundled::{BUNDLED_SCENES, BundledScene};
-pub(crate) use check::MOST_SUBSTEPS;
+pub(crate) use check::{MOST_SUBSTEPS, Staleness, staleness};
 pub use description::{
     Axis, BlockDescription, BodyDescription, ContactDescription, ContactLawKind, ContactMethod, DeviceDescription,
     EventDescription, ExplicitDescription, FixedBodyDescription, HandDescription, IntegratorKind, IsGiven,

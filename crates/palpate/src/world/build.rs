@@ -16,7 +16,7 @@ use super::elements::{locking, with_nodes_for};
 use super::fixed::fixed_nodes;
 use super::geometry::{Loaded, load};
 use super::{Bodies, Integration, Plan, World, change};
-use crate::scene::{Scene, SceneError};
+use crate::scene::{Scene, SceneError, staleness};
 
 /// Builds the world of a checked scene.
 pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
@@ -77,6 +77,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     warnings.extend(body.keys_without_effect().map(|key| {
         format!("`{key}` of body {} has no effect: only integrator = \"backward_euler\" reads it; remove it", body.name)
     }));
+    warnings.extend(staleness(description).map(|(_, sentence)| sentence));
     if !fixed.contains(&true) && description.fixed_bodies.is_empty() {
         warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
     }
