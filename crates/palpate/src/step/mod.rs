@@ -31,6 +31,7 @@ mod guard;
 mod hand_over;
 mod lagrange;
 mod newton;
+mod obstacles;
 mod patch;
 mod penalty;
 mod preconditioner;

@@ -21,6 +21,7 @@ use std::sync::Arc;
 use super::bodies::{self, PairForce};
 use super::change::ChangeStage;
 use super::direct::DirectStage;
+use super::obstacles::ObstacleStage;
 use super::patch::PatchStage;
 use super::refinement::RefinementWorkspace;
 use super::rigid::RigidStage;
@@ -93,6 +94,8 @@ pub struct StepWorkspace {
     pub(super) rows: ContactRows,
     /// Rows of contacts on fixed skin, which only the tick can give a force: there the tool yields.
     pub(super) fixed_rows: ContactRows,
+    /// The same at fixed bodies.
+    pub(super) obstacles: ObstacleStage,
     pub(super) compliance: ComplianceWorkspace<ReachWorkspace>,
     pub(super) problem: ConstraintProblem,
     pub(super) lambda: Vec<f64>,
@@ -209,6 +212,7 @@ impl StepWorkspace {
             detection: DetectionWorkspace::new(world.geometry()),
             rows: ContactRows::with_capacity(contacts),
             fixed_rows: ContactRows::with_capacity(world.detection().max_contacts),
+            obstacles: ObstacleStage::new(world),
             rigid: RigidStage::new(world),
             compliance: ComplianceWorkspace::new(compliance_rows, ReachWorkspace::new(symbolic, compliance_rows)),
             problem: ConstraintProblem::with_capacity(rows),

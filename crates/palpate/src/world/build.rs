@@ -10,11 +10,11 @@ use palpate_fem::factor::SymbolicFactor;
 use palpate_fem::mesh::TetMesh;
 use palpate_fem::model::{FemConfig, FemError, FemModel};
 
-use super::bodies::apart;
 use super::course::{Stretch, course};
 use super::elements::{locking, with_nodes_for};
 use super::fixed::fixed_nodes;
 use super::geometry::{Loaded, load};
+use super::pairs::apart;
 use super::{Bodies, Integration, Plan, World, change};
 use crate::scene::{Scene, SceneError, staleness};
 
@@ -127,7 +127,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         left: None,
     };
     tool_outside(&world)?;
-    apart(&world)?;
+    apart(&world, &world.geometry)?;
     with_changes(world, &config, course)
 }
 

@@ -8,6 +8,7 @@ mod elements;
 mod fixed;
 mod geometry;
 mod integration;
+mod pairs;
 mod plan;
 mod selection;
 mod text;
@@ -28,10 +29,11 @@ use palpate_haptics::snapshot::HapticSnapshot;
 use crate::scene::{Scene, SceneDescription, TickMethod};
 pub(crate) use build::{build, build_on};
 
-pub use bodies::{Bodies, Far, FixedBody, Near, Pair, RigidBody};
+pub use bodies::{Bodies, FixedBody, RigidBody};
 pub use change::Change;
 pub use geometry::{is_surface, make};
 pub use integration::{EXPLICIT_SAFETY, Integration};
+pub use pairs::{Far, Near, Pair};
 pub use plan::Plan;
 
 /// Most contacts of fixed and rigid bodies in one step: their compliance then takes 72 MB.
@@ -120,6 +122,16 @@ impl World {
         self.detection.max_contacts + others.min(MOST_CONTACTS)
     }
 
+    /// Most contacts of the tool with fixed bodies, which are the tick's alone.
+    pub(crate) fn obstacle_capacity(&self) -> usize {
+        self.bodies.obstacle_capacity(self.detection.max_contacts)
+    }
+
+    /// Most contacts of one snapshot: those of the tool.
+    pub(crate) fn tool_capacity(&self) -> usize {
+        self.detection.max_contacts + self.obstacle_capacity()
+    }
+
     /// How contacts with the tool are found.
     pub fn detection(&self) -> &DetectionConfig {
         &self.detection
@@ -133,7 +145,7 @@ impl World {
 
     /// A snapshot with the room that this scene needs, for programs that bring their own loop.
     pub fn empty_snapshot(&self) -> HapticSnapshot {
-        HapticSnapshot::with_patch(self.detection.max_contacts, self.patch_nodes())
+        HapticSnapshot::with_patch(self.tool_capacity(), self.patch_nodes())
     }
 
     /// How the body moves in time.

@@ -128,6 +128,8 @@ impl ContactDescription {
         match self.law {
             ContactLawKind::Coulomb if friction > 0.0 => Coulomb { friction }.into(),
             ContactLawKind::Coulomb | ContactLawKind::Signorini => Signorini.into(),
+            // On a pair without friction: a checked scene has some.
+            ContactLawKind::FacetedCoulomb if friction == 0.0 => Signorini.into(),
             ContactLawKind::FacetedCoulomb => {
                 FacetedCoulomb { friction, facets: self.facets.unwrap_or_default() }.into()
             }
