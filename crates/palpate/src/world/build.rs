@@ -110,6 +110,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         .map_err(|e| scene.at("body.0", e.to_string(), "use a mesh with a closed boundary"))?;
     let bodies = Bodies::new(scene, &detection)?;
     let world = World {
+        start: Arc::default(),
         tool: description.tools[0].shape.clone().into(),
         bodies,
         scene: scene.clone(),
@@ -126,8 +127,10 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         changes: Vec::new(),
         left: None,
     };
-    tool_outside(&world)?;
-    apart(&world, &world.geometry)?;
+    let mut skin = world.geometry.clone();
+    skin.refit(&world.start().q);
+    tool_outside(&world, &skin)?;
+    apart(&world, &skin)?;
     with_changes(world, &config, course)
 }
 
@@ -157,21 +160,26 @@ fn with_changes(mut world: World, config: &FemConfig, course: Vec<Stretch>) -> R
     Ok(world)
 }
 
-/// Refuses a tool that begins inside the body: there is no skin that it came through. Where a real hand begins is its
-/// own affair.
-fn tool_outside(world: &World) -> Result<(), SceneError> {
+/// Refuses a tool that begins inside the body, whose `skin` is where a run begins: there is no skin that it came through.
+/// Where a real hand begins is its own affair.
+fn tool_outside(world: &World, skin: &SurfaceGeometry) -> Result<(), SceneError> {
     if world.description().hand.path.is_empty() {
         return Ok(());
     }
-    let mut ws = DetectionWorkspace::new(&world.geometry);
+    let mut ws = DetectionWorkspace::new(skin);
     let mut contacts = ContactSet::with_capacity(world.detection.max_contacts);
     let pose = world.first_pose();
-    let report =
-        detect(&world.geometry, &world.mesh.nodes, world.tool(), &pose, &world.detection, &mut ws, &mut contacts);
+    let report = detect(skin, &world.start().q, world.tool(), &pose, &world.detection, &mut ws, &mut contacts);
     if report.tool_inside {
         let p = pose.translation.vector;
         let message = format!("the tool begins inside the body, at {:.4}, {:.4}, {:.4} m", p.x, p.y, p.z);
-        return Err(world.scene.at("hand.path.0", message, "begin outside the skin, then press"));
+        let remedy = match world.settled() {
+            Some(_) => {
+                "begin outside the skin of the body that has settled, then press, or set settle = false for the body"
+            }
+            None => "begin outside the skin, then press",
+        };
+        return Err(world.scene.at("hand.path.0", message, remedy));
     }
     Ok(())
 }

@@ -13,7 +13,7 @@ mod plan;
 mod selection;
 mod text;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::Isometry3;
 use palpate_collision::broad_phase::SurfaceGeometry;
@@ -21,12 +21,14 @@ use palpate_collision::detection::DetectionConfig;
 use palpate_collision::shape::ToolShape;
 use palpate_collision::solid::Solid;
 use palpate_fem::factor::SymbolicFactor;
+use palpate_fem::integrator::equilibrium::EquilibriumReport;
 use palpate_fem::mesh::{MeshQuality, TetMesh};
-use palpate_fem::model::FemModel;
+use palpate_fem::model::{FemModel, FemState};
 use palpate_fem::surface::Surface;
 use palpate_haptics::snapshot::HapticSnapshot;
 
 use crate::scene::{Scene, SceneDescription, TickMethod};
+use crate::settle::settle;
 pub(crate) use build::{build, build_on};
 
 pub use bodies::{Bodies, FixedBody, RigidBody};
@@ -56,6 +58,8 @@ pub struct World {
     plan: Plan,
     warnings: Vec<String>,
     changes: Vec<Change>,
+    /// The body as a run begins, and how it came to rest where it settles; found when it is first asked for.
+    start: Arc<OnceLock<(FemState, Option<EquilibriumReport>)>>,
     /// After an event: the elements that are left of the scene's mesh.
     left: Option<Vec<u32>>,
 }
@@ -130,6 +134,21 @@ impl World {
     /// Most contacts of one snapshot: those of the tool.
     pub(crate) fn tool_capacity(&self) -> usize {
         self.detection.max_contacts + self.obstacle_capacity()
+    }
+
+    /// The body as a run begins.
+    pub(crate) fn start(&self) -> &FemState {
+        &self.start.get_or_init(|| settle(self)).0
+    }
+
+    /// How it came to rest under its own weight; none where a run begins with the mesh itself.
+    pub(crate) fn settled(&self) -> Option<&EquilibriumReport> {
+        self.start.get_or_init(|| settle(self)).1.as_ref()
+    }
+
+    /// The body at rest under its own weight, where that has been found.
+    pub(crate) fn known_rest(&self) -> Option<(&FemState, &EquilibriumReport)> {
+        self.start.get().and_then(|(state, report)| Some((state, report.as_ref()?)))
     }
 
     /// How contacts with the tool are found.

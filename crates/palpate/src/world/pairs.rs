@@ -111,7 +111,7 @@ pub(super) fn apart(world: &World, skin: &SurfaceGeometry) -> Result<(), SceneEr
             Far::Rigid(k) => (of_rigid(k), format!("rigid_body.{k}")),
         };
         let Some((far_name, far, far_pose)) = far else { continue };
-        let remedy = "move them apart; contact begins at the margin";
+        let mut remedy = "move them apart; contact begins at the margin";
         let near = match pair.near {
             Near::Soft => None,
             Near::Rigid(k) => of_rigid(k),
@@ -119,8 +119,11 @@ pub(super) fn apart(world: &World, skin: &SurfaceGeometry) -> Result<(), SceneEr
         };
         let (near_name, gap) = match near {
             None => {
+                if world.settled().is_some() {
+                    remedy = "the body settles without contact: move them apart, or set settle = false for the body";
+                }
                 let mut found = ContactSet::with_capacity(pair.detection.max_contacts);
-                let q = &world.mesh().nodes;
+                let q = &world.start().q;
                 let seen = detect_solid(skin, q, far, &far_pose, &pair.detection, &mut ws, &mut found);
                 (world.description().bodies[0].name.as_str(), seen.deepest_gap)
             }

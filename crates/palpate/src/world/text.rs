@@ -32,6 +32,18 @@ impl World {
         }
     }
 
+    /// The body as a run begins, in words.
+    fn beginning(&self) -> String {
+        let body = &self.description().bodies[0];
+        match self.settled() {
+            Some(report) if report.is_converged() => "settled before the run".into(),
+            Some(report) => format!("settles under {:.1} % of it only", 100.0 * report.reached),
+            None if !body.settle => "begins as its mesh".into(),
+            None if self.description().gravity == [0.0; 3] => "begins as its mesh, which has no weight".into(),
+            None => "begins as its mesh, which nothing holds".into(),
+        }
+    }
+
     /// What was understood of the scene, as text for people.
     pub fn understood(&self) -> String {
         let d = self.description();
@@ -63,7 +75,7 @@ impl World {
             "  {mass}; Rayleigh damping {} 1/s by mass, {} s by stiffness; gravity [{x}, {y}, {z}] m/s², {}",
             body.rayleigh_mass,
             body.rayleigh_stiffness,
-            if body.settle { "settled before the run" } else { "begins as its mesh" },
+            self.beginning(),
         );
         let on = |on: bool| if on { "on" } else { "off" };
         let _ = writeln!(
