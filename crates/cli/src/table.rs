@@ -93,6 +93,10 @@ fn facts(s: &RunSummary) -> Table {
         "factors before their turn / steps in contact with exact compliance".to_string(),
         format!("{} / {}", s.factors_early, s.exact_steps),
     ]);
+    if !s.rungs.is_empty() {
+        let by: Vec<_> = s.rungs.iter().map(|(rung, steps)| format!("{rung} {steps}")).collect();
+        table.add_row(["steps in contact by method / climbs".to_string(), format!("{} / {}", by.join(", "), s.climbs)]);
+    }
     table.add_row(["largest force [N]".to_string(), format!("{:.3}", s.largest_force)]);
     table.add_row([
         "impulse of contact: steps / ticks [N s]".to_string(),

@@ -8,7 +8,10 @@ mod elements;
 mod fixed;
 mod geometry;
 mod integration;
+mod ladder;
+mod outside;
 mod plan;
+mod precomputed;
 mod selection;
 mod text;
 
@@ -26,13 +29,20 @@ use palpate_fem::surface::Surface;
 use palpate_haptics::snapshot::HapticSnapshot;
 
 use crate::scene::{Scene, SceneDescription, TickMethod};
+use outside::Basis;
+
 pub(crate) use build::{build, build_on};
 
 pub use bodies::{Bodies, Far, FixedBody, Near, Pair, RigidBody};
 pub use change::Change;
 pub use geometry::{is_surface, make};
 pub use integration::{EXPLICIT_SAFETY, Integration};
+pub use ladder::{CALM_STEPS, LOWER_SHARE, Ladder, MOST_CALM_STEPS, Rung};
+pub(crate) use outside::ChangeMaker;
+pub use outside::{ChangeError, ChangeRequest};
 pub use plan::Plan;
+pub use precomputed::Precomputed;
+pub(crate) use precomputed::skin_nodes;
 
 /// Most contacts of fixed and rigid bodies in one step: their compliance then takes 72 MB.
 const MOST_CONTACTS: usize = 1000;
@@ -54,6 +64,8 @@ pub struct World {
     plan: Plan,
     warnings: Vec<String>,
     changes: Vec<Change>,
+    /// What changes from outside are made from, where there is room for them.
+    basis: Option<Arc<Basis>>,
     /// After an event: the elements that are left of the scene's mesh.
     left: Option<Vec<u32>>,
 }
@@ -149,6 +161,16 @@ impl World {
     /// The body after each event, in the order of their times.
     pub fn changes(&self) -> &[Change] {
         &self.changes
+    }
+
+    /// Most changes from outside in one run.
+    pub fn changes_from_outside(&self) -> usize {
+        if self.basis.is_some() { self.description().bodies[0].changes as usize } else { 0 }
+    }
+
+    /// Whether the body may change while it runs.
+    pub(crate) fn changes_ever(&self) -> bool {
+        !self.changes.is_empty() || self.basis.is_some()
     }
 
     /// The world after the first `phase` events: this one after none, the last one beyond.
