@@ -135,8 +135,7 @@ impl Gathering {
         self.exact_steps += u64::from(report.rows.rows > 0 && report.method == ComplianceMethod::Exact);
         self.active = report.active;
         self.step_overruns += u64::from(report.overruns);
-        self.contacts_dropped += report.detection.dropped as u64 + u64::from(report.bodies.dropped);
-        self.contacts_dropped += report.rows.dropped as u64;
+        self.contacts_dropped += report.dropped();
         self.factors_refused += u64::from(report.refused);
         self.fall_backs += u64::from(report.attempts > 1);
         if report.attempts > 0 {

@@ -16,7 +16,7 @@ use palpate_haptics::coupling::CouplingConfig;
 use palpate_haptics::limits::LimitsConfig;
 use serde::{Deserialize, Serialize};
 
-pub use body::{BlockDescription, BodyDescription};
+pub use body::{BlockDescription, BodyDescription, IsGiven};
 pub use contact::{ContactDescription, ContactLawKind, ContactMethod};
 pub use device::{DeviceDescription, HandDescription};
 pub use event::EventDescription;
