@@ -10,7 +10,7 @@ use palpate_haptics::record::TickFlags;
 use palpate_haptics::run::run_tick;
 use palpate_haptics::script::HandScript;
 use palpate_haptics::tick::TickConfig;
-use palpate_haptics::wrench::Wrench;
+use palpate_haptics::wrench::{Twist, Wrench};
 use proptest::prelude::*;
 use rig::{Bench, PERIOD, Wall, at, patient, snapshot_of, strong_spec};
 
@@ -110,7 +110,8 @@ fn slew_is_cut_to_its_rate() {
     let target = Wrench { force: Vector3::new(6.0, 8.0, 0.0), torque: Vector3::z() };
     for tick in 1..=30 {
         let mut flags = TickFlags::default();
-        let sent = limits.apply(&mut state, &target, 0.0, 1e-3, &mut flags);
+        let faded = limits.fade(&mut state, &target, 0.0, 1e-3, &mut flags).unwrap();
+        let sent = limits.bound(&mut state, &faded, &Twist::default(), 1e-3, &mut flags);
         let share = f64::min(f64::from(tick) * 2.0, 10.0) / 10.0;
         assert!((sent.force - target.force * share).norm() < 1e-12);
         assert!((sent.torque.z - f64::min(f64::from(tick) * 0.04, 1.0)).abs() < 1e-12);
@@ -228,12 +229,14 @@ fn documented_defaults_are_the_defaults() {
     let expected = LimitsConfig {
         max_force: None,
         max_torque: None,
+        max_power: None,
         force_slew: 2000.0,
         torque_slew: 40.0,
         fade_in: 0.3,
         stale_after: 0.2,
         stale_zero: 0.5,
         gap: 0.05,
+        jump_speed: 5.0,
     };
     assert_eq!(serde_json::from_str::<LimitsConfig>("{}").unwrap(), expected);
     let touch = TickConfig::for_device(&DeviceSpec::preset("touch").unwrap());
