@@ -45,9 +45,10 @@ pub struct LimitsConfig {
     pub stale_zero: f64,
     /// Time between two ticks that counts as a gap \[s\], > 0 (0.05).
     pub gap: f64,
-    /// Speed of the device above which its pose is taken to have jumped \[m/s\], > 0 (5: no hand that holds a device is
-    /// so fast).
+    /// Speed above which a motion of the device is no hand's \[m/s\], > 0 (5).
     pub jump_speed: f64,
+    /// Length of such a motion, in one tick or several, at which the pose is taken to have jumped \[m\], > 0 (0.02).
+    pub jump_distance: f64,
 }
 
 impl Default for LimitsConfig {
@@ -63,6 +64,7 @@ impl Default for LimitsConfig {
             stale_zero: 0.5,
             gap: 0.05,
             jump_speed: 5.0,
+            jump_distance: 0.02,
         }
     }
 }
@@ -108,6 +110,7 @@ impl Limits {
         positive("limits stale_after [s]", config.stale_after)?;
         positive("limits gap [s]", config.gap)?;
         positive("limits jump_speed [m/s]", config.jump_speed)?;
+        positive("limits jump_distance [m]", config.jump_distance)?;
         if !(config.stale_zero.is_finite() && config.stale_zero > config.stale_after) {
             let (value, range) = (config.stale_zero, "finite and above stale_after");
             return Err(SetupError::OutOfRange { what: "limits stale_zero [s]", value, range });
@@ -138,10 +141,16 @@ impl Limits {
         self.max_power
     }
 
-    /// Whether a device that moves by `distance` \[m\] in `dt` \[s\] has jumped.
+    /// Whether no hand moves a device by `distance` \[m\] in `dt` \[s\].
     #[must_use]
-    pub fn is_jump(&self, distance: f64, dt: f64) -> bool {
+    pub fn is_inhuman(&self, distance: f64, dt: f64) -> bool {
         distance > self.config.jump_speed * dt
+    }
+
+    /// Whether a motion of that kind and this length \[m\] is a jump of the pose.
+    #[must_use]
+    pub fn is_jump(&self, length: f64) -> bool {
+        length > self.config.jump_distance
     }
 
     /// Whether `dt` \[s\] since the tick before is a gap.

@@ -29,6 +29,9 @@ pub(super) struct JumpState {
     before: Option<Vector3<f64>>,
     /// Time since then \[s\].
     since: f64,
+    /// Length of the inhuman motion that goes on \[m\], and where it began.
+    length: f64,
+    begin: Vector3<f64>,
     withdrawal: Option<Withdrawal>,
 }
 
@@ -41,10 +44,17 @@ impl JumpState {
     /// Takes the next sound position; whether it is reached by a jump, so that nothing in between can be believed.
     pub(super) fn watch(&mut self, limits: &Limits, position: &Vector3<f64>) -> bool {
         let before = self.before.replace(*position).unwrap_or(*position);
-        let jumped = limits.is_jump((position - before).norm(), self.since);
+        let distance = (position - before).norm();
+        if limits.is_inhuman(distance, self.since) {
+            self.begin = if self.length == 0.0 { before } else { self.begin };
+            self.length += distance;
+        } else {
+            self.length = 0.0;
+        }
         self.since = 0.0;
+        let jumped = limits.is_jump(self.length);
         if jumped {
-            let from = self.withdrawal.map_or(before, |withdrawal| withdrawal.from);
+            let from = self.withdrawal.map_or(self.begin, |withdrawal| withdrawal.from);
             self.withdrawal = Some(Withdrawal { from, awaited: SNAPSHOTS });
         }
         if self.withdrawal.is_some_and(|withdrawal| (position - withdrawal.from).norm() <= BACK) {

@@ -40,6 +40,10 @@ pub struct PortConfig {
     pub stale_zero: Option<f64>,
     /// Time between two ticks after which the force comes back as a ramp (s).
     pub gap: Option<f64>,
+    /// Energy that a contact may give out beyond what it took in (J).
+    pub energy_allowance: Option<f64>,
+    /// Whether the passivity layer acts on the force.
+    pub passivity: Option<bool>,
     /// Where the device stands.
     pub place: Option<PlaceConfig>,
 }
@@ -73,6 +77,8 @@ impl PortConfig {
                 (d.device.origin, d.device.axes) = (place.origin, place.axes);
             }
             let set = |value: &mut f64, given: Option<f64>| *value = given.unwrap_or(*value);
+            d.passivity.control = self.passivity.unwrap_or(d.passivity.control);
+            d.passivity.allowance = self.energy_allowance.unwrap_or(d.passivity.allowance);
             d.limits.max_power = self.max_power.or(d.limits.max_power);
             set(&mut d.limits.force_slew, self.force_slew);
             set(&mut d.limits.torque_slew, self.torque_slew);
