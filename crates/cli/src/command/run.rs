@@ -162,5 +162,8 @@ impl Observer for Watcher {
         if let Some(curves) = &mut self.curves {
             curves.force.push(report.record.time, report.record.wrench.force.norm());
         }
+        if let Some(table) = &mut self.table {
+            table.tick(report);
+        }
     }
 }

@@ -15,7 +15,7 @@ use super::elements::{locking, with_nodes_for};
 use super::fixed::fixed_nodes;
 use super::geometry::{Loaded, load};
 use super::pairs::apart;
-use super::{Bodies, Integration, Plan, World, change};
+use super::{Bodies, CouplingChoice, Integration, Plan, World, change};
 use crate::scene::{Scene, SceneError, staleness};
 
 /// Builds the world of a checked scene.
@@ -81,6 +81,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     if !fixed.contains(&true) && description.fixed_bodies.is_empty() {
         warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
     }
+    warnings.extend(CouplingChoice::new(description).and_then(|coupling| coupling.warning()));
     let model = FemModel::new(&mesh, &config).map_err(|e| match e {
         FemError::NoBulk { .. } => scene.at("body.0.element", e.to_string(), "change the element or the law"),
         FemError::Material { ref place, .. } => {

@@ -7,6 +7,7 @@ mod course;
 mod elements;
 mod fixed;
 mod geometry;
+mod haptics;
 mod integration;
 mod pairs;
 mod plan;
@@ -15,7 +16,6 @@ mod text;
 
 use std::sync::{Arc, OnceLock};
 
-use nalgebra::Isometry3;
 use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::detection::DetectionConfig;
 use palpate_collision::shape::ToolShape;
@@ -27,13 +27,14 @@ use palpate_fem::model::{FemModel, FemState};
 use palpate_fem::surface::Surface;
 use palpate_haptics::snapshot::HapticSnapshot;
 
-use crate::scene::{Scene, SceneDescription, TickMethod};
+use crate::scene::{Scene, SceneDescription};
 use crate::settle::settle;
 pub(crate) use build::{build, build_on};
 
 pub use bodies::{Bodies, FixedBody, RigidBody};
 pub use change::Change;
 pub use geometry::{is_surface, make};
+pub use haptics::CouplingChoice;
 pub use integration::{EXPLICIT_SAFETY, Integration};
 pub use pairs::{Far, Near, Pair};
 pub use plan::Plan;
@@ -156,12 +157,6 @@ impl World {
         &self.detection
     }
 
-    /// Nodes of the tissue around the tool that a snapshot carries; 0 where the tick has frozen rows.
-    pub fn patch_nodes(&self) -> usize {
-        let tick = &self.description().tick;
-        if tick.method == TickMethod::Local { tick.patch_nodes } else { 0 }
-    }
-
     /// A snapshot with the room that this scene needs, for programs that bring their own loop.
     pub fn empty_snapshot(&self) -> HapticSnapshot {
         HapticSnapshot::with_patch(self.tool_capacity(), self.patch_nodes())
@@ -197,15 +192,4 @@ impl World {
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
-
-    /// The pose of the tool before the device has told one: where the hand's path begins, or without one the device's
-    /// origin.
-    pub fn first_pose(&self) -> Isometry3<f64> {
-        first_pose(self.description())
-    }
-}
-
-fn first_pose(description: &SceneDescription) -> Isometry3<f64> {
-    let [x, y, z] = description.hand.path.first().map_or(description.device.origin, |key| key.position);
-    Isometry3::translation(x, y, z)
 }
