@@ -14,6 +14,7 @@ pub mod hand;
 pub mod limits;
 pub mod patch;
 pub mod record;
+pub mod rig;
 pub mod run;
 pub mod script;
 pub mod snapshot;

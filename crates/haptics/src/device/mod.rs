@@ -3,6 +3,8 @@
 //! A device is pulled: read a pose, write a wrench, once a tick, on one thread. A device is opened by a URI
 //! `name[:argument]` through the register [`DEVICES`]; to add one, write its file and its line there.
 
+pub mod mechanics;
+mod motion;
 pub mod scripted;
 pub mod spec;
 pub mod virtual_device;
@@ -15,9 +17,10 @@ use crate::hand::Hand;
 use crate::script::HandScript;
 use crate::wrench::{Twist, Wrench};
 
+pub use mechanics::VirtualDeviceConfig;
 pub use scripted::ScriptedDevice;
 pub use spec::{DEVICE_PRESETS, DeviceSpec, Freedoms};
-pub use virtual_device::{VirtualDevice, VirtualDeviceConfig};
+pub use virtual_device::VirtualDevice;
 
 /// The moment of a tick, in virtual time: the same numbers in real time and in lockstep.
 #[derive(Clone, Copy, Debug, PartialEq)]
