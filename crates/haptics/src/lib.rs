@@ -12,6 +12,7 @@ pub mod error;
 pub mod exchange;
 pub mod hand;
 pub mod limits;
+pub mod passivity;
 pub mod patch;
 pub mod record;
 pub mod rig;

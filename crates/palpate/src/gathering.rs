@@ -9,7 +9,7 @@ use crate::record::TraceOutcome;
 use crate::refresh::RefreshReport;
 use crate::run::{Observer, Progress};
 use crate::step::{FactorFit, StepReport, StepStatus};
-use crate::summary::{EventRecord, RunEnd, RunSummary, Tail};
+use crate::summary::{EventRecord, PortSummary, RunEnd, RunSummary, Tail};
 use crate::tick::{TickFlags, TickReport};
 use crate::world::World;
 
@@ -59,6 +59,7 @@ pub(crate) struct Gathering {
     patches_full: u64,
     frozen_at_rigid: u64,
     impulse: [f64; 2],
+    port: PortSummary,
     /// Length of a step and of a tick (s).
     lengths: [f64; 2],
     /// Ticks whose device did not answer, with time and reason of the first.
@@ -115,6 +116,7 @@ impl Gathering {
             patches_full: 0,
             frozen_at_rigid: 0,
             impulse: [0.0; 2],
+            port: PortSummary::default(),
             lengths: [world.dt(), 1.0 / world.description().rates.tick],
             unanswered: 0,
             first_unanswered: None,
@@ -202,6 +204,7 @@ impl Gathering {
         }
         self.beyond_patch += u64::from(record.flags.contains(TickFlags::BEYOND_PATCH));
         self.impulse[1] += record.contact_wrench.force.norm() * self.lengths[1];
+        self.port.add(record);
         self.worst_tick_residual = self.worst_tick_residual.max(record.residual);
         if let Some(error) = record.device_error {
             self.unanswered += 1;
@@ -285,6 +288,7 @@ impl Gathering {
             patches_full: self.patches_full,
             frozen_at_rigid: self.frozen_at_rigid,
             impulse: self.impulse,
+            port: self.port,
             records_missed: self.missed,
             files: trace.iter().map(|t| t.path.clone()).collect(),
             trace,

@@ -8,6 +8,7 @@ use hdrhistogram::Histogram;
 use palpate_rigid::RigidState;
 use serde::Serialize;
 
+pub use crate::port_summary::{ForceCounts, PortSummary};
 pub use crate::record::TraceOutcome;
 use crate::step::{FactorFit, placements};
 use crate::world::World;
@@ -281,6 +282,8 @@ pub struct RunSummary {
     /// Impulse of the contact forces over the run (N s): what the steps put on the tissue, and what the ticks found, before
     /// limits and fades.
     pub impulse: [f64; 2],
+    /// The device's port: energy, and what acted on the force.
+    pub port: PortSummary,
     /// Records that the observer missed because its ring was full.
     pub records_missed: u64,
     /// What the trace holds.

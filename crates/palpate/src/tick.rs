@@ -76,6 +76,7 @@ impl TickStage {
             sweeps: scene.solver.tick_sweeps,
             tolerance: scene.solver.tick_tolerance,
             coupling: devices::coupling(scene, spec),
+            passivity: scene.passivity,
             limits: scene.limits,
         }
     }

@@ -167,5 +167,8 @@ impl Observer for Watcher {
 
     fn tick(&mut self, report: &TickReport) {
         self.curves.force.push((report.record.time, report.record.wrench.force.norm()));
+        if let Some(table) = &mut self.table {
+            table.tick(report);
+        }
     }
 }

@@ -66,7 +66,7 @@ impl VirtualDevice {
         hand.validate()?;
         let begin = script.intent(0.0);
         Ok(Self {
-            spec: DeviceSpec::virtual_device(config.encoder_step),
+            spec: DeviceSpec::of_mechanics(&config),
             config,
             hand,
             script,

@@ -6,6 +6,7 @@ mod course;
 mod elements;
 mod fixed;
 mod geometry;
+mod haptics;
 mod integration;
 mod plan;
 mod selection;
@@ -13,7 +14,7 @@ mod selection;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
 use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::contact::ContactSet;
 use palpate_collision::detection::{DetectionConfig, DetectionWorkspace, detect};
@@ -26,7 +27,7 @@ use palpate_fem::sparse::FIXED;
 use palpate_fem::surface::Surface;
 use palpate_haptics::snapshot::HapticSnapshot;
 
-use crate::scene::{ContactMethod, Scene, SceneDescription, SceneError, TickMethod};
+use crate::scene::{ContactMethod, Scene, SceneDescription, SceneError};
 use course::{Stretch, course};
 use elements::{locking, with_nodes_for};
 use fixed::fixed_nodes;
@@ -35,6 +36,7 @@ use geometry::{Loaded, load};
 pub use bodies::{Bodies, Far, FixedBody, Near, Pair, RigidBody};
 pub use change::Change;
 pub use geometry::{is_surface, make};
+pub use haptics::CouplingChoice;
 pub use integration::{EXPLICIT_SAFETY, Integration};
 pub use plan::Plan;
 
@@ -129,12 +131,6 @@ impl World {
         &self.detection
     }
 
-    /// Nodes of the tissue around the tool that a snapshot carries; 0 where the tick has frozen rows.
-    pub fn patch_nodes(&self) -> usize {
-        let tick = &self.description().tick;
-        if tick.method == TickMethod::Local { tick.patch_nodes } else { 0 }
-    }
-
     /// A snapshot with the room that this scene needs, for programs that bring their own loop.
     pub fn empty_snapshot(&self) -> HapticSnapshot {
         HapticSnapshot::with_patch(self.detection.max_contacts, self.patch_nodes())
@@ -155,17 +151,6 @@ impl World {
                 format!("penalty ({} times the body's stiffness, damping {} s)", penalty.multiple, penalty.damping)
             }
             (method, _) => method.name().into(),
-        }
-    }
-
-    /// What contact problem the tick solves, with the parameters of the method.
-    pub fn tick_method(&self) -> String {
-        let tick = &self.description().tick;
-        match tick.method {
-            TickMethod::Local => {
-                format!("local ({} nodes at most, hand-over {} ms)", tick.patch_nodes, tick.hand_over * 1e3)
-            }
-            TickMethod::Frozen => "frozen rows".into(),
         }
     }
 
@@ -193,12 +178,6 @@ impl World {
     /// What is odd but no mistake.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
-    }
-
-    /// The pose of the tool before the device has told one: where the hand's path begins, or without one the device's
-    /// origin.
-    pub fn first_pose(&self) -> Isometry3<f64> {
-        first_pose(self.description())
     }
 
     /// What was understood of the scene, as text for people.
@@ -260,6 +239,7 @@ impl World {
         }
         let _ = writeln!(text, "solver: {}", one_line(&d.solver));
         let _ = writeln!(text, "tick: {}", self.tick_method());
+        let _ = writeln!(text, "{}", self.force_path());
         let _ = writeln!(text, "integrator: {}", self.integration);
         let _ = writeln!(
             text,
@@ -301,11 +281,6 @@ fn material_of(body: &crate::scene::BodyDescription, region: &str) -> String {
 /// A value as a scene file would say it, on one line.
 fn one_line(value: &impl serde::Serialize) -> String {
     toml::to_string(value).unwrap_or_default().trim_end().replace('\n', ", ")
-}
-
-fn first_pose(description: &SceneDescription) -> Isometry3<f64> {
-    let [x, y, z] = description.hand.path.first().map_or(description.device.origin, |key| key.position);
-    Isometry3::translation(x, y, z)
 }
 
 /// Builds the world of a checked scene.
@@ -370,6 +345,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     if !fixed.contains(&true) && description.fixed_bodies.is_empty() {
         warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
     }
+    warnings.extend(CouplingChoice::new(description).and_then(|coupling| coupling.warning()));
     let model = FemModel::new(&mesh, &config).map_err(|e| match e {
         FemError::NoBulk { .. } => scene.at("body.0.element", e.to_string(), "change the element or the law"),
         FemError::Material { ref place, .. } => {

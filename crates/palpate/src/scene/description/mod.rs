@@ -14,6 +14,7 @@ mod tool;
 
 use palpate_haptics::coupling::CouplingConfig;
 use palpate_haptics::limits::LimitsConfig;
+use palpate_haptics::passivity::PassivityConfig;
 use serde::{Deserialize, Serialize};
 
 pub use body::{BlockDescription, BodyDescription};
@@ -80,6 +81,9 @@ pub struct SceneDescription {
     /// Virtual coupling between device and tool; by default what suits the device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coupling: Option<CouplingConfig>,
+    /// Energy that the device may give out beyond what it took in.
+    #[serde(default)]
+    pub passivity: PassivityConfig,
     /// Limits of the force that reaches the device.
     #[serde(default)]
     pub limits: LimitsConfig,
