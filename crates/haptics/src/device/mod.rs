@@ -3,7 +3,7 @@
 //! A device is pulled: read a pose, write a wrench, once a tick, on one thread. A device is opened by a URI
 //! `name[:argument]` through the register [`DEVICES`]; to add one, write its file and its line there.
 
-pub mod mechanics;
+mod mechanics;
 mod motion;
 pub mod scripted;
 pub mod spec;
@@ -17,10 +17,9 @@ use crate::hand::Hand;
 use crate::script::HandScript;
 use crate::wrench::{Twist, Wrench};
 
-pub use mechanics::VirtualDeviceConfig;
 pub use scripted::ScriptedDevice;
 pub use spec::{DEVICE_PRESETS, DeviceSpec, Freedoms};
-pub use virtual_device::VirtualDevice;
+pub use virtual_device::{VirtualDevice, VirtualDeviceConfig};
 
 /// The moment of a tick, in virtual time: the same numbers in real time and in lockstep.
 #[derive(Clone, Copy, Debug, PartialEq)]

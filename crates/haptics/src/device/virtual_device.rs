@@ -19,13 +19,14 @@
 
 use nalgebra::{Isometry3, Vector3};
 
-use super::mechanics::{MAX_DELAY, VirtualDeviceConfig};
 use super::motion::{Drive, Motion, Propagator};
 use super::{DeviceError, DeviceSample, DeviceSetup, DeviceSpec, HapticDevice, Opened, Registration, TickTime};
 use crate::SetupError;
 use crate::hand::Hand;
 use crate::script::{HandScript, Intent};
 use crate::wrench::{Twist, Wrench};
+
+pub use super::mechanics::{MAX_DELAY, VirtualDeviceConfig};
 
 /// Line in the register of devices.
 pub const REGISTRATION: Registration = Registration {

@@ -35,6 +35,9 @@ const TOUCH: usize = 100;
 /// What came out along a path: a force (N) for each millisecond.
 type Forces = Vec<Vector3<f64>>;
 
+/// Rate of the tissue (Hz) whose first touch is drawn.
+const DRAWN: f64 = 30.0;
+
 /// What a method is off by.
 #[derive(Clone, Copy, Debug)]
 struct Errors {
@@ -85,9 +88,9 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<(NamedTable, V
         "jump at a step [mN]",
         "largest force [N]",
     ]);
-    let mut panels: Vec<Panel> = Vec::new();
-    for (&(case, _, method, rate), errors) in trials.iter().zip(&errors) {
-        let Some(errors) = errors else { continue };
+    let (mut panels, mut touches): (Vec<Panel>, Vec<Panel>) = (Vec::new(), Vec::new());
+    for (&(case, offline, method, rate), errors) in trials.iter().zip(&errors) {
+        let Some((errors, felt)) = errors else { continue };
         table.push(vec![
             case.name().into(),
             Value::Number(rate, 0),
@@ -99,6 +102,9 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<(NamedTable, V
             Value::Number(errors.force, 3),
         ]);
         let touch = matches!(case.purpose, Use::NormalTouch | Use::ObliqueTouch);
+        if touch && rate == DRAWN && method != Method::LocalAtOnce {
+            draw(&case, offline, method, felt, &mut touches);
+        }
         let (what, error) = if touch { ("first 100 ms", errors.touch) } else { ("rms", errors.rms) };
         let title = format!("Error of the force, {what}: {}", case.name());
         let point = (rate, 100.0 * error);
@@ -107,7 +113,7 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<(NamedTable, V
             None => {
                 panels.push(Panel {
                     title,
-                    x: Axis::log("rate of the tissue [Hz]"),
+                    x: Axis::linear("rate of the tissue [Hz]"),
                     y: Axis::log("error of the force [%]"),
                     series: Vec::new(),
                 });
@@ -120,6 +126,8 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<(NamedTable, V
             None => panel.series.push(Series { name: method.name().into(), mark: Mark::Joined, points: vec![point] }),
         }
     }
+    touches.extend(panels);
+    let panels = touches;
     let title = "Force against the same scene computed offline at 1 kHz with exact compliance, on the same path".into();
     Ok((NamedTable { file: "haptics_force", title, table }, panels))
 }
@@ -179,9 +187,33 @@ fn felt(case: &Case, method: Method, rate: f64, work: &Work) -> Result<(Forces, 
     Ok((forces, steps))
 }
 
-fn errors(case: &Case, offline: &Forces, method: Method, rate: f64, work: &Work) -> Result<Errors> {
+/// What a method is off by, and its forces.
+fn errors(case: &Case, offline: &Forces, method: Method, rate: f64, work: &Work) -> Result<(Errors, Forces)> {
     let (felt, steps) = felt(case, method, rate, work)?;
-    Ok(compare(&felt, offline, &steps))
+    Ok((compare(&felt, offline, &steps), felt))
+}
+
+/// The millisecond of the first force.
+fn first_touch(forces: &[Vector3<f64>]) -> usize {
+    forces.iter().position(|force| force.norm() > 0.0).unwrap_or(0)
+}
+
+/// Adds the force of a method in the first 100 ms to the panel of its touch, which begins with the reference.
+fn draw(case: &Case, offline: &[Vector3<f64>], method: Method, felt: &[Vector3<f64>], panels: &mut Vec<Panel>) {
+    let title = format!("Force of the first touch, tissue at {DRAWN} Hz: {}", case.name());
+    let first = first_touch(offline);
+    let points = |forces: &[Vector3<f64>]| -> Vec<(f64, f64)> {
+        let touch = forces.iter().enumerate().skip(first.saturating_sub(TOUCH / 10)).take(TOUCH + TOUCH / 10);
+        touch.map(|(k, force)| (k as f64 - first as f64, force.norm())).collect()
+    };
+    let series = Series { name: method.name().into(), mark: Mark::Line, points: points(felt) };
+    if let Some(panel) = panels.iter_mut().find(|panel| panel.title == title) {
+        panel.series.push(series);
+        return;
+    }
+    let reference = Series { name: "offline at 1 kHz".into(), mark: Mark::Dashed, points: points(offline) };
+    let (x, y) = (Axis::linear("time since the touch [ms]"), Axis::linear("force [N]"));
+    panels.push(Panel { title, x, y, series: vec![reference, series] });
 }
 
 /// Means over [`WINDOW`] ticks, the last of which is that of the index.
@@ -205,7 +237,7 @@ fn compare(felt: &[Vector3<f64>], offline: &[Vector3<f64>], steps: &[usize]) -> 
         pairs.fold((0.0_f64, 0.0_f64), |(error, force), (a, b)| (error.max((a - b).norm()), force.max(b.norm())))
     };
     let (error, force) = largest(0..offline.len());
-    let first = offline.iter().position(|force| force.norm() > 0.0).unwrap_or(0);
+    let first = first_touch(offline);
     let (touch_error, touch_force) = largest(first..(first + TOUCH).min(offline.len()));
     let change = |&k: &usize| Some((felt.get(k)? - felt.get(k.checked_sub(1)?)?).norm());
     Errors {

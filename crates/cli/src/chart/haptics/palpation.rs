@@ -54,6 +54,8 @@ impl Method {
     /// Lets the tick have that period, and take it for no gap.
     pub(crate) fn configure(self, rate: f64, config: &mut TickConfig) {
         config.period = self.period(rate);
+        // A hand moves far between two ticks that are far apart.
+        config.limits.jump_distance = config.limits.jump_distance.max(config.limits.jump_speed * config.period);
         config.limits.gap = config.limits.gap.max(3.0 * config.period);
         // As many steps as the default allows at 30 Hz.
         config.limits.stale_after = config.limits.stale_after.max(6.0 / rate);
