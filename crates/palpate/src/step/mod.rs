@@ -27,6 +27,7 @@ mod correction;
 mod direct;
 mod guard;
 mod hand_over;
+mod held_open;
 mod lagrange;
 mod newton;
 mod patch;
@@ -43,7 +44,8 @@ use nalgebra::{Isometry3, Vector3};
 use palpate_fem::assembly::assemble;
 use palpate_haptics::snapshot::HapticSnapshot;
 
-use self::guard::{guard, open_folds};
+use self::guard::guard;
+use self::held_open::hold_open;
 use self::newton::newton_with_contact;
 use crate::refresh::FactorSample;
 use crate::scene::Refactor;
@@ -90,7 +92,7 @@ pub fn step(
         Integration::BackwardEuler => {
             ws.fem.folds.clear();
             report.assembly = assemble(world.model(), &state.fem, world.dt(), &[], &mut ws.fem);
-            open_folds(world, state, ws, &mut report);
+            hold_open(world, state, ws, &mut report);
             report.times.assembly = clock.lap();
             stages::free_motion(world, input.factor, state, ws, &mut report);
             guard(world, state, ws, &mut report);

@@ -45,6 +45,8 @@ pub struct StepState {
     pub warm_start: WarmStart,
     /// Steps that are still taken exactly because an earlier one missed the scene's accuracy.
     pub exact_steps: u32,
+    /// Steps in which linear or averaged tissue rested inside out, until it is open again.
+    pub(super) stuck: u32,
     /// Contacts of the last step; they carry the side from which the tool came.
     pub contacts: ContactSet,
     /// The rigid bodies, in the order of the scene.
@@ -70,6 +72,7 @@ impl StepState {
             step: 0,
             tool: None,
             exact_steps: 0,
+            stuck: 0,
             warm_start: WarmStart::with_capacity(capacity),
             contacts: ContactSet::with_capacity(capacity),
             rigid: world.bodies().rigid.iter().map(|body| body.start).collect(),
@@ -223,7 +226,7 @@ pub struct StepWorkspace {
     pub(super) patch: Option<PatchStage>,
     /// Configurations that the guard tries.
     pub(super) trial: FemState,
-    /// Newton's method for quadratic tissue in trouble.
+    /// Newton's method for tissue in trouble.
     pub(super) rescue: Option<ImplicitWorkspace>,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
