@@ -254,6 +254,10 @@ pub struct RunSummary {
     pub answered: BTreeMap<&'static str, u64>,
     /// Steps whose motion the guard or Newton's line search shortened.
     pub shortened: u64,
+    /// Steps whose motion the guard repeated.
+    pub repeated: u64,
+    /// Steps that held an element open.
+    pub held_open: u64,
     /// Steps by Newton's method whose contact forces still changed when their passes were used up.
     pub unsettled: u64,
     /// Elements whose tangent the definiteness filter changed, over all steps.

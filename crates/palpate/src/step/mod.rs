@@ -29,6 +29,7 @@ mod forces;
 mod free_motion;
 mod guard;
 mod hand_over;
+mod held_open;
 mod lagrange;
 mod newton;
 mod obstacles;
@@ -49,7 +50,8 @@ use nalgebra::{Isometry3, Vector3};
 use palpate_fem::assembly::assemble;
 use palpate_haptics::snapshot::HapticSnapshot;
 
-use self::guard::{guard, open_folds};
+use self::guard::guard;
+use self::held_open::hold_open;
 use self::newton::newton_with_contact;
 use crate::refresh::FactorSample;
 use crate::scene::Refactor;
@@ -98,7 +100,7 @@ pub fn step(
         Integration::BackwardEuler => {
             ws.fem.folds.clear();
             report.assembly = assemble(world.model(), &state.fem, world.dt(), &[], &mut ws.fem);
-            open_folds(world, state, ws, &mut report);
+            hold_open(world, state, ws, &mut report);
             report.times.assembly = clock.lap();
             free_motion::free_motion(world, input.factor, state, ws, &mut report);
             guard(world, state, ws, &mut report);

@@ -88,7 +88,8 @@ pub struct StepReport {
     pub cuts: u32,
     /// Linearisations by which the guard repeated the motion; 0 where one was enough.
     pub repeated: u32,
-    /// Quadratic elements that fold between the points at which they are evaluated, at the begin of the step.
+    /// Elements that are held open at the begin of the step: quadratic ones that fold between the points at which they are
+    /// evaluated, others that had come to rest inside out.
     pub folds: FoldReport,
     /// Contacts with the tool: found, merged, dropped.
     pub detection: DetectionReport,

@@ -22,6 +22,8 @@ pub struct StepState {
     pub warm_start: WarmStart,
     /// Steps that are still taken exactly because an earlier one missed the scene's accuracy.
     pub exact_steps: u32,
+    /// Steps in which linear or averaged tissue rested inside out, until it is open again.
+    pub(super) stuck: u32,
     /// Contacts of the last step; they carry the side from which the tool came.
     pub contacts: ContactSet,
     /// The rigid bodies, in the order of the scene.
@@ -47,6 +49,7 @@ impl StepState {
             step: 0,
             tool: None,
             exact_steps: 0,
+            stuck: 0,
             warm_start: WarmStart::with_capacity(capacity),
             contacts: ContactSet::with_capacity(capacity),
             rigid: world.bodies().rigid.iter().map(|body| body.start).collect(),

@@ -129,7 +129,7 @@ pub struct StepWorkspace {
     pub(super) patch: Option<PatchStage>,
     /// Configurations that the guard tries.
     pub(super) trial: FemState,
-    /// Newton's method for quadratic tissue in trouble.
+    /// Newton's method for tissue in trouble.
     pub(super) rescue: Option<ImplicitWorkspace>,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
