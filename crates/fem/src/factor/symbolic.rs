@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 
 use super::arena::Arena;
 use super::numeric::FactorStatus;
+use super::packed::PackedLayout;
 use super::permuted_blocks::{PermutedBlocks, Triangle};
 use super::supernodal_tree::SupernodeTree;
 use crate::ordering::{NodeOrdering, nested_dissection, postordered};
@@ -64,6 +65,7 @@ pub struct SymbolicFactor {
     supernodes: supernodal::SymbolicSupernodalCholesky<u32>,
     tree: SupernodeTree,
     arena: Arena,
+    packed: PackedLayout,
     blocks: usize,
     nonzeros: usize,
     flops: f64,
@@ -133,6 +135,7 @@ impl SymbolicFactor {
         Ok(Self {
             place: places(&permuted, &tree, &supernodes),
             arena: Arena::new(&tree),
+            packed: PackedLayout::new(&tree),
             tree,
             supernodes,
             column_start: permuted.column_start,
@@ -183,6 +186,11 @@ impl SymbolicFactor {
         self.nonzeros
     }
 
+    /// Numbers in the copy of `L` in single precision, zeros that fill up its tiles included.
+    pub fn packed_values(&self) -> usize {
+        self.packed.len()
+    }
+
     /// Numbers that a [`Factor`](super::Factor) stores for `L`, zeros of supernodes included.
     pub fn stored_values(&self) -> usize {
         self.supernodes.len_val()
@@ -206,13 +214,13 @@ impl SymbolicFactor {
         &self.supernodes
     }
 
-    /// Rows below the own block of every supernode, all together.
-    pub(super) fn rows_below(&self) -> usize {
-        self.tree.pattern_start(self.tree.len())
-    }
-
     pub(super) fn arena(&self) -> &Arena {
         &self.arena
+    }
+
+    /// Where the copies in single precision have the fronts.
+    pub(super) fn packed(&self) -> &PackedLayout {
+        &self.packed
     }
 
     /// True if `a` has the size that was analysed.
