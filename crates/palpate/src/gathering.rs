@@ -11,7 +11,7 @@ use crate::changes::TakenChange;
 use crate::refresh::RefreshReport;
 use crate::run::{Observer, Progress};
 use crate::step::{FactorFit, StepReport, StepStatus};
-use crate::summary::{EventRecord, RunEnd, Tail};
+use crate::summary::{EventRecord, PortSummary, RunEnd, Tail};
 use crate::tick::{TickFlags, TickReport};
 use crate::world::{Rung, World};
 
@@ -51,6 +51,7 @@ pub(crate) struct Gathering {
     fall_backs: u64,
     answered: BTreeMap<&'static str, u64>,
     shortened: u64,
+    rescued: [u64; 2], // repeated; with elements held open
     unsettled: u64,
     filtered: u64,
     inverted: u64,
@@ -66,6 +67,7 @@ pub(crate) struct Gathering {
     patches_full: u64,
     frozen_at_rigid: u64,
     impulse: [f64; 2],
+    port: PortSummary,
     /// Length of a step and of a tick (s).
     lengths: [f64; 2],
     /// Ticks whose device did not answer, with time and reason of the first.
@@ -111,6 +113,7 @@ impl Gathering {
             fall_backs: 0,
             answered: BTreeMap::new(),
             shortened: 0,
+            rescued: [0; 2],
             unsettled: 0,
             filtered: 0,
             inverted: 0,
@@ -126,6 +129,7 @@ impl Gathering {
             patches_full: 0,
             frozen_at_rigid: 0,
             impulse: [0.0; 2],
+            port: PortSummary::default(),
             lengths: [world.dt(), 1.0 / world.description().rates.tick],
             unanswered: 0,
             first_unanswered: None,
@@ -151,14 +155,15 @@ impl Gathering {
         self.rung = report.rung;
         self.active = report.active;
         self.step_overruns += u64::from(report.overruns);
-        self.contacts_dropped += report.detection.dropped as u64 + u64::from(report.bodies.dropped);
-        self.contacts_dropped += report.rows.dropped as u64;
+        self.contacts_dropped += report.dropped();
         self.factors_refused += u64::from(report.refused);
         self.fall_backs += u64::from(report.attempts > 1);
         if report.attempts > 0 {
             *self.answered.entry(report.solver).or_default() += 1;
         }
         self.shortened += u64::from(report.cuts > 0);
+        self.rescued[0] += u64::from(report.repeated > 0);
+        self.rescued[1] += u64::from(report.folds.folded > 0);
         self.unsettled += u64::from(report.unsettled);
         self.filtered += u64::from(report.assembly.filtered);
         self.inverted += u64::from(report.assembly.inverted);
@@ -220,6 +225,7 @@ impl Gathering {
         }
         self.beyond_patch += u64::from(record.flags.contains(TickFlags::BEYOND_PATCH));
         self.impulse[1] += record.contact_wrench.force.norm() * self.lengths[1];
+        self.port.add(record);
         self.worst_tick_residual = self.worst_tick_residual.max(record.residual);
         if let Some(error) = record.device_error {
             self.unanswered += 1;

@@ -23,6 +23,7 @@ pub mod export;
 mod gathering;
 mod lockstep;
 mod pace;
+mod port_summary;
 pub mod problem_files;
 mod realtime;
 mod record;

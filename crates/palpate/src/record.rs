@@ -196,7 +196,7 @@ impl StepLine {
         let time_ns = nanoseconds(report.time);
         let mut flags = trace::StepFlags::default();
         flags.set(trace::StepFlags::OVERRUN, report.overruns > 0);
-        flags.set(trace::StepFlags::CONTACTS_DROPPED, report.detection.dropped > 0);
+        flags.set(trace::StepFlags::CONTACTS_DROPPED, report.dropped() > 0);
         flags.set(trace::StepFlags::FREE_MOTION_UNCONVERGED, report.free_motion.status != PcgStatus::Converged);
         flags.set(trace::StepFlags::CONTACT_UNCONVERGED, !report.solve.is_solved());
         flags.set(trace::StepFlags::FACTOR_REFUSED, report.refused);
@@ -294,6 +294,11 @@ impl TickLine {
         flags.set(trace::TickFlags::UNCONVERGED, r.flags.contains(TickFlags::NOT_CONVERGED));
         flags.set(trace::TickFlags::LOCAL, r.flags.contains(TickFlags::LOCAL));
         flags.set(trace::TickFlags::BEYOND_PATCH, r.flags.contains(TickFlags::BEYOND_PATCH));
+        flags.set(trace::TickFlags::PASSIVITY, r.flags.contains(TickFlags::PASSIVITY));
+        flags.set(trace::TickFlags::POWER_LIMITED, r.flags.contains(TickFlags::POWER_LIMITED));
+        flags.set(trace::TickFlags::LATE, r.flags.contains(TickFlags::LATE));
+        flags.set(trace::TickFlags::JUMPED, r.flags.contains(TickFlags::JUMPED));
+        flags.set(trace::TickFlags::TORQUE_LIMITED, r.flags.contains(TickFlags::TORQUE_LIMITED));
         line.push(trace::TickRecord {
             tick: r.index,
             time_ns: nanoseconds(r.time),
@@ -316,6 +321,7 @@ impl TickLine {
             wake_latency_ns: nanoseconds(report.latency),
             work_ns: nanoseconds(report.work),
             force_jump: r.force_jump,
+            energy: r.energy.account,
         });
     }
 }

@@ -64,6 +64,7 @@ impl Bits {
             wake_latency_ns: self.count(),
             work_ns: self.count(),
             force_jump: self.double(),
+            energy: self.double(),
         }
     }
 
@@ -114,7 +115,7 @@ fn tick_bits(r: &TickRecord) -> Vec<u64> {
     let vectors = [r.device_position, r.device_velocity, r.device_angular_velocity, r.tool_position, r.force];
     let more = [r.torque, r.force_unlimited, [r.gap, r.residual, r.snapshot_age]];
     let orientations = r.device_orientation.iter().chain(&r.tool_orientation);
-    let doubles = vectors.iter().chain(&more).flatten().chain(orientations).chain([&r.force_jump]);
+    let doubles = vectors.iter().chain(&more).flatten().chain(orientations).chain([&r.force_jump, &r.energy]);
     let counts = [r.tick, r.time_ns, r.contacts.into(), r.sweeps.into(), r.snapshot_step, r.flags.0.into()];
     doubles.map(|x| x.to_bits()).chain(counts).chain([r.wake_latency_ns, r.work_ns]).collect()
 }

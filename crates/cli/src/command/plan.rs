@@ -57,6 +57,10 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
     if let Some(hint) = other_choice(&world, &here) {
         say(hint)?;
     }
+    if let Some(coupling) = world.coupling() {
+        say(format_args!("virtual coupling: {coupling}"))?;
+    }
+    world.warnings().iter().try_for_each(|warning| say(format_args!("warning: {warning}")))?;
     let bodies = world.bodies();
     if !bodies.is_empty() {
         let capacity = world.contact_capacity();

@@ -19,7 +19,6 @@ use crate::pace::seconds;
 use crate::record::{CHANGES, DEVICE_RECORD, END, TickLine};
 use crate::refresh::FactorSample;
 use crate::run::{Observer, RunError};
-use crate::settle::settle;
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
 use crate::tick::{TickReport, Ticker};
 use crate::world::World;
@@ -63,7 +62,7 @@ struct Steps<'a> {
 
 impl<'a> Steps<'a> {
     fn new(world: &'a World, trace: &'a Trace, snapshots: Writer<HapticSnapshot>) -> Result<Self, RunError> {
-        let (rest, _) = settle(world);
+        let rest = world.start().clone();
         let mut ws = StepWorkspace::new(world);
         let factors = vec![FactorSample::first(world, &rest, &mut ws)?];
         let text = trace.metadata.get(END).and_then(|end| end.get(CHANGES)).map_or("", String::as_str);

@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Vector3};
 use palpate_collision::contact::ContactSet;
 use palpate_collision::solid_contact::{Placed, SolidContact, meet};
 use palpate_collision::{Solid, detect_solid};
-use palpate_constraints::law::{Coulomb, Law, Signorini};
+use palpate_constraints::law::Law;
 use palpate_constraints::rows::{Counterpart, RowInput, RowReport, ToolMotion, append_rows, append_solid_rows};
 use palpate_constraints::warm_start::WarmStart;
 use palpate_rigid::RigidState;
@@ -35,7 +35,7 @@ impl PairState {
         let most = pair.detection.max_contacts;
         let contacts = match pair.near {
             Near::Soft => PairContacts::Tissue(ContactSet::with_capacity(most)),
-            Near::Rigid(_) => PairContacts::Solids(Vec::with_capacity(most)),
+            Near::Rigid(_) | Near::Fixed(_) => PairContacts::Solids(Vec::with_capacity(most)),
         };
         Self { contacts, warm_start: WarmStart::with_capacity(most) }
     }
@@ -102,11 +102,6 @@ pub(super) fn pair_force(ws: &StepWorkspace, k: usize) -> Option<PairForce> {
     Some(sum)
 }
 
-/// The law of contacts with a coefficient of friction.
-pub(super) fn law(friction: f64) -> Law {
-    if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() }
-}
-
 /// Shape and place of a body that is not soft; for the tool its pose of the step's end.
 fn placed<'a>(
     world: &'a World,
@@ -154,7 +149,7 @@ pub(super) fn detection(
                 total.non_finite += u32::from(seen.non_finite);
                 total.deepest_gap = contacts.iter().fold(total.deepest_gap, |least, c| least.min(c.gap));
             }
-            (PairContacts::Solids(_), Near::Soft) => {}
+            (PairContacts::Solids(_), Near::Soft | Near::Fixed(_)) => {}
         }
     }
 }
@@ -179,10 +174,10 @@ pub(super) fn rows(
             Far::Rigid(k) => ws.rigid.side(k, &state.rigid).map(Counterpart::Rigid),
         };
         let near = match pair.near {
-            Near::Soft => None,
+            Near::Soft | Near::Fixed(_) => None,
             Near::Rigid(k) => ws.rigid.side(k, &state.rigid),
         };
-        let friction = pair.friction > 0.0;
+        let friction = pair.law.rows() > 1;
         report = report.and(match (&found.contacts, counterpart, near) {
             (PairContacts::Tissue(set), Some(counterpart), _) => {
                 let free_of_node = world.model().free_of_node();
@@ -207,17 +202,21 @@ pub(super) fn rows(
 pub(super) fn push_laws(world: &World, of_tool: Law, ws: &mut StepWorkspace) {
     (0..ws.rigid.skin_blocks).for_each(|_| ws.problem.push_block(of_tool));
     for (pair, blocks) in world.bodies().pairs.iter().zip(&ws.rigid.blocks) {
-        blocks.clone().for_each(|_| ws.problem.push_block(law(pair.friction)));
+        blocks.clone().for_each(|_| ws.problem.push_block(pair.law));
     }
 }
 
-/// Law and identity of a block of the tool on a rigid body, as the tick knows contacts: the identity holds the pair in the
-/// bits that features leave free.
+/// How the tick knows a contact of a pair: with the pair's number in the bits that features leave free.
+pub(super) fn identity(feature: u64, pair: usize) -> u64 {
+    feature | (pair as u64 & 0x1ff) << 52
+}
+
+/// Law and identity of a block of the tool on a rigid body, as the tick knows contacts.
 pub(super) fn tool_block(world: &World, state: &StepState, ws: &StepWorkspace, block: usize) -> Option<(Law, u64)> {
     let pair = ws.rigid.blocks.iter().position(|blocks| blocks.contains(&block))?;
     let contact = ws.rows.blocks.get(block)?.contact as usize;
     let PairContacts::Solids(contacts) = &state.pairs.get(pair)?.contacts else { return None };
-    Some((law(world.bodies().pairs.get(pair)?.friction), contacts.get(contact)?.feature | (pair as u64 & 0x1ff) << 52))
+    Some((world.bodies().pairs.get(pair)?.law, identity(contacts.get(contact)?.feature, pair)))
 }
 
 /// First guesses of the forces of all pairs; a contact may have slid by `radius` (m).

@@ -32,8 +32,10 @@ mod forces;
 mod free_motion;
 mod guard;
 mod hand_over;
+mod held_open;
 mod lagrange;
 mod newton;
+mod obstacles;
 mod patch;
 mod penalty;
 mod preconditioner;
@@ -42,6 +44,7 @@ mod report;
 mod rigid;
 mod stages;
 mod state;
+mod times;
 mod workspace;
 
 use std::time::Instant;
@@ -50,7 +53,8 @@ use nalgebra::{Isometry3, Vector3};
 use palpate_fem::assembly::assemble;
 use palpate_haptics::snapshot::HapticSnapshot;
 
-use self::guard::{guard, open_folds};
+use self::guard::guard;
+use self::held_open::hold_open;
 use self::newton::newton_with_contact;
 use crate::refresh::FactorSample;
 use crate::scene::Refactor;
@@ -61,9 +65,10 @@ pub use change::{ChangeReport, FactorFit, pass_events};
 pub(crate) use change::{Prepared, pass_next_event};
 pub use climb::Climb;
 pub use compliance_error::ComplianceError;
-pub use report::{FailedElement, StepReport, StepStatus, StepTimes};
+pub use report::{FailedElement, StepReport, StepStatus};
 pub(crate) use rigid::{digest, placements};
 pub use state::StepState;
+pub use times::StepTimes;
 pub use workspace::StepWorkspace;
 
 /// What a step reads from the other threads.
@@ -102,7 +107,7 @@ pub fn step(
         Integration::BackwardEuler => {
             ws.fem.folds.clear();
             report.assembly = assemble(world.model(), &state.fem, world.dt(), &[], &mut ws.fem);
-            open_folds(world, state, ws, &mut report);
+            hold_open(world, state, ws, &mut report);
             report.times.assembly = clock.lap();
             free_motion::free_motion(world, input.factor, state, ws, &mut report);
             guard(world, state, ws, &mut report);

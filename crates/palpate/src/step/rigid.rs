@@ -43,7 +43,7 @@ impl RigidStage {
             blocks: Vec::with_capacity(pairs),
             skin_blocks: 0,
             tool_blocks: 0,
-            tool_delta: Vec::with_capacity(super::workspace::ROWS * world.detection().max_contacts),
+            tool_delta: Vec::with_capacity(super::workspace::ROWS * world.contact_capacity()),
         }
     }
 

@@ -24,6 +24,8 @@ pub struct StepState {
     pub warm_start: WarmStart,
     /// Where the run stands on its ladder of methods, where it has one.
     pub climb: Climb,
+    /// Steps in which linear or averaged tissue rested inside out, until it is open again.
+    pub(super) stuck: u32,
     /// Contacts of the last step; they carry the side from which the tool came.
     pub contacts: ContactSet,
     /// The rigid bodies, in the order of the scene.
@@ -53,6 +55,7 @@ impl StepState {
             step: 0,
             tool: None,
             climb: Climb::default(),
+            stuck: 0,
             warm_start: WarmStart::with_capacity(capacity),
             contacts: ContactSet::with_capacity(capacity),
             rigid: world.bodies().rigid.iter().map(|body| body.start).collect(),

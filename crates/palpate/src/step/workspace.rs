@@ -24,6 +24,7 @@ use super::change::ChangeStage;
 use super::climb::probe_room;
 use super::direct::DirectStage;
 use super::first_inverse::FirstInverse;
+use super::obstacles::ObstacleStage;
 use super::patch::PatchStage;
 use super::refinement::RefinementWorkspace;
 use super::rigid::RigidStage;
@@ -97,6 +98,8 @@ pub struct StepWorkspace {
     pub(super) rows: ContactRows,
     /// Rows of contacts on fixed skin, which only the tick can give a force: there the tool yields.
     pub(super) fixed_rows: ContactRows,
+    /// The same at fixed bodies.
+    pub(super) obstacles: ObstacleStage,
     pub(super) compliance: ComplianceWorkspace<PrecomputedWorkspace>,
     /// The inverse of the first matrix, where the plan wants it.
     pub(super) first: Option<FirstInverse>,
@@ -134,7 +137,7 @@ pub struct StepWorkspace {
     pub(super) patch: Option<PatchStage>,
     /// Configurations that the guard tries.
     pub(super) trial: FemState,
-    /// Newton's method for quadratic tissue in trouble.
+    /// Newton's method for tissue in trouble.
     pub(super) rescue: Option<ImplicitWorkspace>,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
@@ -224,6 +227,7 @@ impl StepWorkspace {
             detection: DetectionWorkspace::new(world.geometry()),
             rows: ContactRows::with_capacity(contacts),
             fixed_rows: ContactRows::with_capacity(world.detection().max_contacts),
+            obstacles: ObstacleStage::new(world),
             rigid: RigidStage::new(world),
             compliance: ComplianceWorkspace::new(compliance_rows, inverse),
             first: None,

@@ -10,15 +10,15 @@ use palpate_fem::factor::SymbolicFactor;
 use palpate_fem::mesh::TetMesh;
 use palpate_fem::model::{FemConfig, FemError, FemModel};
 
-use super::bodies::apart;
 use super::course::{Stretch, course};
 use super::elements::{locking, with_nodes_for};
 use super::fixed::fixed_nodes;
 use super::geometry::{Loaded, load};
 use super::outside::Basis;
+use super::pairs::apart;
 use super::precomputed::skin_nodes;
-use super::{Bodies, Integration, Plan, World, change};
-use crate::scene::{Scene, SceneError};
+use super::{Bodies, CouplingChoice, Integration, Plan, World, change};
+use crate::scene::{Scene, SceneError, staleness};
 
 /// Nodes that a change from outside may touch for a factor to follow it at once: a clamp, or a cut through some sixty
 /// elements. What touches more waits for the next factor.
@@ -83,9 +83,11 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     warnings.extend(body.keys_without_effect().map(|key| {
         format!("`{key}` of body {} has no effect: only integrator = \"backward_euler\" reads it; remove it", body.name)
     }));
+    warnings.extend(staleness(description).map(|(_, sentence)| sentence));
     if !fixed.contains(&true) && description.fixed_bodies.is_empty() {
         warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
     }
+    warnings.extend(CouplingChoice::new(description).and_then(|coupling| coupling.warning()));
     let model = FemModel::new(&mesh, &config).map_err(|e| match e {
         FemError::NoBulk { .. } => scene.at("body.0.element", e.to_string(), "change the element or the law"),
         FemError::Material { ref place, .. } => {
@@ -116,6 +118,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         .map_err(|e| scene.at("body.0", e.to_string(), "use a mesh with a closed boundary"))?;
     let bodies = Bodies::new(scene, &detection)?;
     let world = World {
+        start: Arc::default(),
         tool: description.tools[0].shape.clone().into(),
         bodies,
         scene: scene.clone(),
@@ -133,8 +136,10 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         basis: None,
         left: None,
     };
-    tool_outside(&world)?;
-    apart(&world)?;
+    let mut skin = world.geometry.clone();
+    skin.refit(&world.start().q);
+    tool_outside(&world, &skin)?;
+    apart(&world, &skin)?;
     with_changes(world, config, course, &fixed)
 }
 
@@ -176,21 +181,26 @@ fn with_changes(
     Ok(world)
 }
 
-/// Refuses a tool that begins inside the body: there is no skin that it came through. Where a real hand begins is its
-/// own affair.
-fn tool_outside(world: &World) -> Result<(), SceneError> {
+/// Refuses a tool that begins inside the body, whose `skin` is where a run begins: there is no skin that it came through.
+/// Where a real hand begins is its own affair.
+fn tool_outside(world: &World, skin: &SurfaceGeometry) -> Result<(), SceneError> {
     if world.description().hand.path.is_empty() {
         return Ok(());
     }
-    let mut ws = DetectionWorkspace::new(&world.geometry);
+    let mut ws = DetectionWorkspace::new(skin);
     let mut contacts = ContactSet::with_capacity(world.detection.max_contacts);
     let pose = world.first_pose();
-    let report =
-        detect(&world.geometry, &world.mesh.nodes, world.tool(), &pose, &world.detection, &mut ws, &mut contacts);
+    let report = detect(skin, &world.start().q, world.tool(), &pose, &world.detection, &mut ws, &mut contacts);
     if report.tool_inside {
         let p = pose.translation.vector;
         let message = format!("the tool begins inside the body, at {:.4}, {:.4}, {:.4} m", p.x, p.y, p.z);
-        return Err(world.scene.at("hand.path.0", message, "begin outside the skin, then press"));
+        let remedy = match world.settled() {
+            Some(_) => {
+                "begin outside the skin of the body that has settled, then press, or set settle = false for the body"
+            }
+            None => "begin outside the skin, then press",
+        };
+        return Err(world.scene.at("hand.path.0", message, remedy));
     }
     Ok(())
 }

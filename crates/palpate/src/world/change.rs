@@ -3,6 +3,8 @@
 //! All have one numbering and one pattern, that of the whole body with all its elements and without what is never
 //! released, so that matrices, factors and states of one fit the others.
 
+use std::sync::Arc;
+
 use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::contact::{FeatureKind, feature_kind};
 use palpate_fem::mesh::TetMesh;
@@ -131,8 +133,17 @@ pub(super) fn change_to(
     surface.triangles.iter().flatten().for_each(|&node| skin[node as usize] = true);
     let triangles = surface.triangles.as_slice().into();
     let Stretch { time, left, text, .. } = stretch;
-    let changes = Vec::new();
-    let world = World { mesh, surface, model, geometry, changes, basis: None, left: Some(left), ..whole.clone() };
+    let world = World {
+        mesh,
+        surface,
+        model,
+        geometry,
+        changes: Vec::new(),
+        basis: None,
+        start: Arc::default(),
+        left: Some(left),
+        ..whole.clone()
+    };
     Ok(Change { time, world, memory, cuts, skin, request, triangles, text })
 }
 

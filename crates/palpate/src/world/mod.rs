@@ -7,39 +7,44 @@ mod course;
 mod elements;
 mod fixed;
 mod geometry;
+mod haptics;
 mod integration;
 mod ladder;
 mod outside;
+mod pairs;
 mod plan;
 mod precomputed;
 mod selection;
 mod text;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-use nalgebra::Isometry3;
 use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::detection::DetectionConfig;
 use palpate_collision::shape::ToolShape;
 use palpate_collision::solid::Solid;
 use palpate_fem::factor::SymbolicFactor;
+use palpate_fem::integrator::equilibrium::EquilibriumReport;
 use palpate_fem::mesh::{MeshQuality, TetMesh};
-use palpate_fem::model::FemModel;
+use palpate_fem::model::{FemModel, FemState};
 use palpate_fem::surface::Surface;
 use palpate_haptics::snapshot::HapticSnapshot;
 
-use crate::scene::{Scene, SceneDescription, TickMethod};
+use crate::scene::{Scene, SceneDescription};
+use crate::settle::settle;
 use outside::Basis;
 
 pub(crate) use build::{build, build_on};
 
-pub use bodies::{Bodies, Far, FixedBody, Near, Pair, RigidBody};
+pub use bodies::{Bodies, FixedBody, RigidBody};
 pub use change::Change;
 pub use geometry::{is_surface, make};
+pub use haptics::CouplingChoice;
 pub use integration::{EXPLICIT_SAFETY, Integration};
 pub use ladder::{CALM_STEPS, LOWER_SHARE, Ladder, MOST_CALM_STEPS, Rung};
 pub(crate) use outside::ChangeMaker;
 pub use outside::{ChangeError, ChangeRequest};
+pub use pairs::{Far, Near, Pair};
 pub use plan::Plan;
 pub use precomputed::Precomputed;
 pub(crate) use precomputed::skin_nodes;
@@ -66,6 +71,8 @@ pub struct World {
     changes: Vec<Change>,
     /// What changes from outside are made from, where there is room for them.
     basis: Option<Arc<Basis>>,
+    /// The body as a run begins, and how it came to rest where it settles; found when it is first asked for.
+    start: Arc<OnceLock<(FemState, Option<EquilibriumReport>)>>,
     /// After an event: the elements that are left of the scene's mesh.
     left: Option<Vec<u32>>,
 }
@@ -132,20 +139,39 @@ impl World {
         self.detection.max_contacts + others.min(MOST_CONTACTS)
     }
 
+    /// Most contacts of the tool with fixed bodies, which are the tick's alone.
+    pub(crate) fn obstacle_capacity(&self) -> usize {
+        self.bodies.obstacle_capacity(self.detection.max_contacts)
+    }
+
+    /// Most contacts of one snapshot: those of the tool.
+    pub(crate) fn tool_capacity(&self) -> usize {
+        self.detection.max_contacts + self.obstacle_capacity()
+    }
+
+    /// The body as a run begins.
+    pub(crate) fn start(&self) -> &FemState {
+        &self.start.get_or_init(|| settle(self)).0
+    }
+
+    /// How it came to rest under its own weight; none where a run begins with the mesh itself.
+    pub(crate) fn settled(&self) -> Option<&EquilibriumReport> {
+        self.start.get_or_init(|| settle(self)).1.as_ref()
+    }
+
+    /// The body at rest under its own weight, where that has been found.
+    pub(crate) fn known_rest(&self) -> Option<(&FemState, &EquilibriumReport)> {
+        self.start.get().and_then(|(state, report)| Some((state, report.as_ref()?)))
+    }
+
     /// How contacts with the tool are found.
     pub fn detection(&self) -> &DetectionConfig {
         &self.detection
     }
 
-    /// Nodes of the tissue around the tool that a snapshot carries; 0 where the tick has frozen rows.
-    pub fn patch_nodes(&self) -> usize {
-        let tick = &self.description().tick;
-        if tick.method == TickMethod::Local { tick.patch_nodes } else { 0 }
-    }
-
     /// A snapshot with the room that this scene needs, for programs that bring their own loop.
     pub fn empty_snapshot(&self) -> HapticSnapshot {
-        HapticSnapshot::with_patch(self.detection.max_contacts, self.patch_nodes())
+        HapticSnapshot::with_patch(self.tool_capacity(), self.patch_nodes())
     }
 
     /// How the body moves in time.
@@ -188,15 +214,4 @@ impl World {
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
-
-    /// The pose of the tool before the device has told one: where the hand's path begins, or without one the device's
-    /// origin.
-    pub fn first_pose(&self) -> Isometry3<f64> {
-        first_pose(self.description())
-    }
-}
-
-fn first_pose(description: &SceneDescription) -> Isometry3<f64> {
-    let [x, y, z] = description.hand.path.first().map_or(description.device.origin, |key| key.position);
-    Isometry3::translation(x, y, z)
 }

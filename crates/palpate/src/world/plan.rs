@@ -99,11 +99,11 @@ impl Plan {
             reason = format!("{reason}; {}", precomputed.text());
         }
         let affordable = (body.error_sampling * dt / solve) as usize;
-        let enough = affordable >= FEWEST_SAMPLE_ITERATIONS && *integration == Integration::BackwardEuler;
+        let enough = affordable >= FEWEST_SAMPLE_ITERATIONS && linearised;
         Self {
             compliance,
             refactor,
-            correction: body.correction,
+            correction: if linearised { body.correction } else { MotionCorrection::default() },
             constant,
             ladder,
             precomputed,

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use palpate_fem::sparse::FIXED;
 
 use super::{Integration, World};
-use crate::scene::{BodyDescription, ContactMethod, TickMethod};
+use crate::scene::{BodyDescription, ContactMethod};
 
 impl World {
     /// How contact forces are found at step rate, with the parameters of the method.
@@ -21,14 +21,15 @@ impl World {
         }
     }
 
-    /// What contact problem the tick solves, with the parameters of the method.
-    pub fn tick_method(&self) -> String {
-        let tick = &self.description().tick;
-        match tick.method {
-            TickMethod::Local => {
-                format!("local ({} nodes at most, hand-over {} ms)", tick.patch_nodes, tick.hand_over * 1e3)
-            }
-            TickMethod::Frozen => "frozen rows".into(),
+    /// The body as a run begins, in words.
+    fn beginning(&self) -> String {
+        let body = &self.description().bodies[0];
+        match self.settled() {
+            Some(report) if report.is_converged() => "settled before the run".into(),
+            Some(report) => format!("settles under {:.1} % of it only", 100.0 * report.reached),
+            None if !body.settle => "begins as its mesh".into(),
+            None if self.description().gravity == [0.0; 3] => "begins as its mesh, which has no weight".into(),
+            None => "begins as its mesh, which nothing holds".into(),
         }
     }
 
@@ -63,7 +64,7 @@ impl World {
             "  {mass}; Rayleigh damping {} 1/s by mass, {} s by stiffness; gravity [{x}, {y}, {z}] m/s², {}",
             body.rayleigh_mass,
             body.rayleigh_stiffness,
-            if body.settle { "settled before the run" } else { "begins as its mesh" },
+            self.beginning(),
         );
         let on = |on: bool| if on { "on" } else { "off" };
         let _ = writeln!(
@@ -91,6 +92,7 @@ impl World {
         }
         let _ = writeln!(text, "solver: {}", one_line(&d.solver));
         let _ = writeln!(text, "tick: {}", self.tick_method());
+        let _ = writeln!(text, "{}", self.force_path());
         let _ = writeln!(text, "integrator: {}", self.integration);
         let _ = writeln!(
             text,

@@ -56,6 +56,7 @@ pub(crate) fn tick(tick: u64) -> TickRecord {
         wake_latency_ns: 0,
         work_ns: 0,
         force_jump: if tick.is_multiple_of(TICKS_PER_STEP) { 0.02 } else { 0.0 },
+        energy: 1e-3 * depth.max(0.0),
     }
 }
 
