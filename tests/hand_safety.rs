@@ -17,7 +17,7 @@ use palpate::summary::{ForceCounts, RunEnd};
 use palpate::tick::TickFlags;
 use palpate::trace::{TickFlags as TraceFlags, Trace};
 
-use block::{RADIUS, SKIN, TOML, record, scene, world};
+use block::{RADIUS, SKIN, TOML, record, world};
 
 fn lockstep(seconds: f64) -> RunOptions {
     RunOptions { length: Length::Seconds(seconds), lockstep: true, threads: Some(1), ..RunOptions::default() }

@@ -260,7 +260,7 @@ fn a_newton_step_that_fails_allocates_nothing_either() {
     });
 }
 
-/// A brick on a floor, a ball that falls on the tissue and rolls off it on the brick, and the tool in between.
+/// A brick on a floor, a ball that falls on the tissue and rolls off it on the brick, and the tool in between, by a wall.
 #[test]
 fn steps_with_fixed_and_rigid_bodies_allocate_nothing_either() {
     for integrator in [IntegratorKind::BackwardEuler, IntegratorKind::Newton] {
@@ -268,9 +268,8 @@ fn steps_with_fixed_and_rigid_bodies_allocate_nothing_either() {
             scene.bodies[0].integrator = integrator;
             scene.gravity = [0.0, 0.0, -9.81];
             let bodies = r#"
-                [[fixed_body]]
-                name = "floor"
-                shape = { kind = "plane", normal = [0, 0, 1] }
+                fixed_body = [{ name = "floor", shape = { kind = "plane", normal = [0, 0, 1] } },
+                    { name = "wall", shape = { kind = "box", size = [0.01, 0.06, 0.03] }, position = [0.016, 0.037, 0.061] }]
                 [[rigid_body]]
                 name = "brick"
                 shape = { kind = "box", size = [0.06, 0.06, 0.02] }
@@ -290,18 +289,19 @@ fn steps_with_fixed_and_rigid_bodies_allocate_nothing_either() {
         on_a_worker(|| {
             let mut simulation = Simulation::new(&world).unwrap();
             let start = simulation.state().rigid.clone();
-            let (mut touching, mut most) = (0, 0);
+            let (mut touching, mut most, mut at_wall) = (0, 0, 0);
             let mut fall = || {
                 simulation.state_mut().rigid.copy_from_slice(&start);
                 for k in 0..STEPS {
                     let report = simulation.step(&pose(k));
                     assert_eq!(report.status, StepStatus::Advanced);
                     (touching, most) = (touching + report.active, most.max(report.bodies.active));
+                    at_wall += usize::from(report.frozen_at_rigid);
                 }
             };
             fall();
             assert_eq!(violations(&mut fall), 0, "{integrator:?}");
-            assert!(touching > 0 && most >= 5, "{integrator:?}: {touching}, {most}");
+            assert!(touching > 0 && most >= 5 && at_wall > 0, "{integrator:?}: {touching}, {most}");
         });
     }
 }

@@ -113,8 +113,8 @@ fn facts(s: &RunSummary) -> Table {
         format!("{} / {}", s.contacts_dropped, s.factors_refused),
     ]);
     table.add_row([
-        "steps shortened / with unsettled contact forces".to_string(),
-        format!("{} / {}", s.shortened, s.unsettled),
+        "steps shortened / repeated / with elements held open / with unsettled contact forces".to_string(),
+        format!("{} / {} / {} / {}", s.shortened, s.repeated, s.held_open, s.unsettled),
     ]);
     let per_step = |n: u64| n as f64 / s.steps.max(1) as f64;
     table.add_row([

@@ -15,6 +15,7 @@ pub mod limits;
 pub mod passivity;
 pub mod patch;
 pub mod record;
+pub mod rig;
 pub mod run;
 pub mod script;
 pub mod snapshot;

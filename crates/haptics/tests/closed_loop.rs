@@ -59,7 +59,7 @@ fn every_hand_presses_stiff_and_soft_walls_and_comes_to_rest() {
                 let (outcome, _) = run(device, vec![Wall::floor(wall).with_friction(0.3)]);
                 println!("{:10} W {wall:.1e} friction {:.2} {outcome:?}", preset.name, config.friction);
                 // Springs in series: hand, coupling, wall; friction of the device may keep 0.06 N of it.
-                let series = 1.0 / (1.0 / preset.hand.stiffness + 1.0 / coupling.stiffness + wall);
+                let series = 1.0 / (1.0 / preset.hand.slow_stiffness() + 1.0 / coupling.stiffness + wall);
                 let expected = 0.005 * series;
                 assert!((outcome.end_force - expected).abs() < 0.02 * expected + config.friction, "{expected} N");
                 // The encoder's noise is one step a tick into B/T: 0.06 N on 0.1 kg for 1 ms is 0.6 mm/s.

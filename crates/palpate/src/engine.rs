@@ -11,7 +11,7 @@ use crate::problem_files::ProblemFiles;
 use crate::record::{FactorLine, StepLine, TickLine, TraceLines};
 use crate::refresh::{FactorSample, Refresh, RefreshPort, RefreshWatch, refresh};
 use crate::run::{RunError, RunOptions, RunOutcome};
-use crate::settle::settle;
+use crate::scene::{Staleness, staleness};
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
 use crate::summary::RigidEnd;
 use crate::tick::Ticker;
@@ -37,7 +37,7 @@ pub(crate) struct TickEnds {
 }
 
 impl<'w> Engine<'w> {
-    /// Settles the body, factors its first matrix, opens device and trace.
+    /// Takes the body as it begins, factors its first matrix, opens device and trace.
     pub(crate) fn new(world: &'w World, options: &RunOptions) -> Result<Self, RunError> {
         let mut device = crate::devices::device(world.scene())?;
         let spec = device.spec().clone();
@@ -49,7 +49,7 @@ impl<'w> Engine<'w> {
 }
 
 impl<'w, T> Engine<'w, T> {
-    /// Settles the body, factors its first matrix, opens the trace; `make` makes the tick on a device of this record. The
+    /// Takes the body as it begins, factors its first matrix, opens the trace; `make` makes the tick on a device of this record. The
     /// first step has the tool at `first`.
     pub(crate) fn with_tick(
         world: &'w World,
@@ -58,8 +58,11 @@ impl<'w, T> Engine<'w, T> {
         first: Isometry3<f64>,
         make: impl FnOnce(TickEnds) -> Result<T, RunError>,
     ) -> Result<Self, RunError> {
+        if let Some((Staleness::Gone, sentence)) = staleness(world.description()) {
+            return Err(RunError::Rates(sentence));
+        }
         let mut notes = Vec::new();
-        let (rest, settled) = settle(world);
+        let (rest, settled) = (world.start().clone(), world.settled());
         if let Some(report) = settled.filter(|report| !report.is_converged()) {
             let share = 100.0 * report.reached;
             notes.push(format!("the body did not settle under gravity; it begins at rest under {share:.1} % of it"));

@@ -44,6 +44,7 @@ pub(crate) struct Gathering {
     fall_backs: u64,
     answered: BTreeMap<&'static str, u64>,
     shortened: u64,
+    rescued: [u64; 2], // repeated; with elements held open
     unsettled: u64,
     filtered: u64,
     inverted: u64,
@@ -101,6 +102,7 @@ impl Gathering {
             fall_backs: 0,
             answered: BTreeMap::new(),
             shortened: 0,
+            rescued: [0; 2],
             unsettled: 0,
             filtered: 0,
             inverted: 0,
@@ -137,14 +139,15 @@ impl Gathering {
         self.exact_steps += u64::from(report.rows.rows > 0 && report.method == ComplianceMethod::Exact);
         self.active = report.active;
         self.step_overruns += u64::from(report.overruns);
-        self.contacts_dropped += report.detection.dropped as u64 + u64::from(report.bodies.dropped);
-        self.contacts_dropped += report.rows.dropped as u64;
+        self.contacts_dropped += report.dropped();
         self.factors_refused += u64::from(report.refused);
         self.fall_backs += u64::from(report.attempts > 1);
         if report.attempts > 0 {
             *self.answered.entry(report.solver).or_default() += 1;
         }
         self.shortened += u64::from(report.cuts > 0);
+        self.rescued[0] += u64::from(report.repeated > 0);
+        self.rescued[1] += u64::from(report.folds.folded > 0);
         self.unsettled += u64::from(report.unsettled);
         self.filtered += u64::from(report.assembly.filtered);
         self.inverted += u64::from(report.assembly.inverted);
@@ -275,6 +278,8 @@ impl Gathering {
             fall_backs: self.fall_backs,
             answered: self.answered,
             shortened: self.shortened,
+            repeated: self.rescued[0],
+            held_open: self.rescued[1],
             unsettled: self.unsettled,
             filtered: self.filtered,
             inverted: self.inverted,

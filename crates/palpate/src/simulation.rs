@@ -8,7 +8,6 @@ use std::sync::Arc;
 
 use crate::refresh::{FactorSample, RefreshWatch};
 use crate::run::RunError;
-use crate::settle::settle;
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, pass_next_event, step};
 use crate::world::World;
 
@@ -29,12 +28,12 @@ pub struct Simulation<'w> {
 }
 
 impl<'w> Simulation<'w> {
-    /// Settles the body and factors its first matrix. Call it on the thread (or in the rayon pool) that will step.
+    /// Takes the body as it begins and factors its first matrix. Call it on the thread (or in the rayon pool) that will step.
     ///
     /// # Errors
     /// A body whose first matrix is not positive definite.
     pub fn new(world: &'w World) -> Result<Self, RunError> {
-        let (rest, settled) = settle(world);
+        let (rest, settled) = (world.start().clone(), world.settled());
         let mut ws = StepWorkspace::new(world);
         let factor = FactorSample::first(world, &rest, &mut ws)?;
         Ok(Self {
@@ -45,7 +44,7 @@ impl<'w> Simulation<'w> {
             spare: Factor::with_single_precision_copy(Arc::clone(world.symbolic())),
             snapshot: world.empty_snapshot(),
             refresh_every: 1,
-            settled,
+            settled: settled.copied(),
             watch: None,
         })
     }

@@ -254,6 +254,10 @@ pub struct RunSummary {
     pub answered: BTreeMap<&'static str, u64>,
     /// Steps whose motion the guard or Newton's line search shortened.
     pub shortened: u64,
+    /// Steps whose motion the guard repeated.
+    pub repeated: u64,
+    /// Steps that held an element open.
+    pub held_open: u64,
     /// Steps by Newton's method whose contact forces still changed when their passes were used up.
     pub unsettled: u64,
     /// Elements whose tangent the definiteness filter changed, over all steps.
@@ -277,7 +281,7 @@ pub struct RunSummary {
     pub beyond_patch: u64,
     /// Steps whose patch had no room for all of the skin near the tool.
     pub patches_full: u64,
-    /// Steps that handed frozen rows to the tick in place of a patch since the tool was at a rigid body.
+    /// Steps that handed frozen rows to the tick in place of a patch since the tool was at a rigid or fixed body.
     pub frozen_at_rigid: u64,
     /// Impulse of the contact forces over the run (N s): what the steps put on the tissue, and what the ticks found, before
     /// limits and fades.

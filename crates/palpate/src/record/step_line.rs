@@ -20,7 +20,7 @@ impl StepLine {
         let time_ns = nanoseconds(report.time);
         let mut flags = trace::StepFlags::default();
         flags.set(trace::StepFlags::OVERRUN, report.overruns > 0);
-        flags.set(trace::StepFlags::CONTACTS_DROPPED, report.detection.dropped > 0);
+        flags.set(trace::StepFlags::CONTACTS_DROPPED, report.dropped() > 0);
         flags.set(trace::StepFlags::FREE_MOTION_UNCONVERGED, report.free_motion.status != PcgStatus::Converged);
         flags.set(trace::StepFlags::CONTACT_UNCONVERGED, !report.solve.is_solved());
         flags.set(trace::StepFlags::FACTOR_REFUSED, report.refused);

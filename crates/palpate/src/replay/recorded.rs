@@ -16,7 +16,6 @@ use crate::pace::seconds;
 use crate::record::{DEVICE_RECORD, TickLine};
 use crate::refresh::FactorSample;
 use crate::run::{Observer, RunError};
-use crate::settle::settle;
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
 use crate::tick::{TickReport, Ticker};
 use crate::world::World;
@@ -57,7 +56,7 @@ struct Steps<'a> {
 
 impl<'a> Steps<'a> {
     fn new(world: &'a World, trace: &'a Trace, snapshots: Writer<HapticSnapshot>) -> Result<Self, RunError> {
-        let (rest, _) = settle(world);
+        let rest = world.start().clone();
         let mut ws = StepWorkspace::new(world);
         let factors = vec![FactorSample::first(world, &rest, &mut ws)?];
         Ok(Self { world, trace, state: StepState::new(world, rest), ws, factors, snapshots })

@@ -17,7 +17,7 @@ use palpate_fem::integrator::newton::{NewtonConfig, NewtonStatus};
 use palpate_fem::pcg::{PcgReport, PcgStatus};
 
 use super::workspace::NewtonStage;
-use super::{Clock, StepInput, StepReport, StepState, StepWorkspace, bodies, correction, stages};
+use super::{Clock, StepInput, StepReport, StepState, StepWorkspace, correction, forces, rigid, stages};
 use crate::world::World;
 
 /// Most motions under corrected forces in one step.
@@ -38,7 +38,7 @@ pub(super) fn newton_with_contact(
 ) {
     let tool: &Isometry3<f64> = &input.tool;
     stages::detection(world, tool, state, ws, report);
-    bodies::rigid_motion(world, state, ws);
+    rigid::rigid_motion(world, state, ws);
     report.times.detection = clock.lap();
     put_down(ws);
     for pass in 0..MOST_PASSES {
@@ -50,7 +50,7 @@ pub(super) fn newton_with_contact(
         stages::choose_laws(world, ws);
         report.times.compliance += clock.lap();
         (report.active, report.indentation) = (0, 0.0);
-        stages::solve(world, input, state, ws, report);
+        forces::solve(world, input, state, ws, report);
         report.times.solve += clock.lap();
         if ws.rows.is_empty() || !report.compliance.usable || stays(ws) {
             break;

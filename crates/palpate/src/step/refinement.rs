@@ -14,7 +14,8 @@ use palpate_fem::pcg::PcgStatus;
 use palpate_solver::report::{SolveReport, SolveStatus};
 
 use super::accuracy::{exact_motion, misfit, opened};
-use super::stages::{inverse, take_forces};
+use super::forces::take_forces;
+use super::stages::inverse;
 use super::{StepReport, StepState, StepWorkspace};
 use crate::refresh::FactorSample;
 use crate::world::World;

@@ -12,7 +12,8 @@ use palpate_solver::report::SolveReport;
 use super::StepInput;
 use super::bodies::BodiesReport;
 use super::change::ChangeReport;
-use super::stages::NOT_SOLVED;
+use super::forces::NOT_SOLVED;
+use super::times::StepTimes;
 
 /// How a step ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -62,42 +63,6 @@ impl ComplianceError {
     }
 }
 
-/// Wall time of the stages (s).
-#[derive(Clone, Copy, Debug, Default)]
-pub struct StepTimes {
-    /// Forces and system matrix.
-    pub assembly: f64,
-    /// Nodal rotations and conjugate gradients.
-    pub free_motion: f64,
-    /// Contacts.
-    pub detection: f64,
-    /// Rows and `W`.
-    pub compliance: f64,
-    /// Contact forces; by a direct approach with the motion that belongs to them.
-    pub solve: f64,
-    /// Correction and the check that the body is finite.
-    pub correction: f64,
-    /// Comparing a column of `W` with the exact one.
-    pub sampling: f64,
-    /// Filling the snapshot.
-    pub hand_over: f64,
-    /// All of it.
-    pub total: f64,
-}
-
-impl StepTimes {
-    pub(super) fn sum(&self) -> f64 {
-        self.assembly
-            + self.free_motion
-            + self.detection
-            + self.compliance
-            + self.solve
-            + self.correction
-            + self.sampling
-            + self.hand_over
-    }
-}
-
 /// What one step did. Plain data: copied into rings, traces and tables.
 #[derive(Clone, Copy, Debug)]
 pub struct StepReport {
@@ -123,7 +88,8 @@ pub struct StepReport {
     pub cuts: u32,
     /// Linearisations by which the guard repeated the motion; 0 where one was enough.
     pub repeated: u32,
-    /// Quadratic elements that fold between the points at which they are evaluated, at the begin of the step.
+    /// Elements that are held open at the begin of the step: quadratic ones that fold between the points at which they are
+    /// evaluated, others that had come to rest inside out.
     pub folds: FoldReport,
     /// Contacts with the tool: found, merged, dropped.
     pub detection: DetectionReport,
@@ -133,7 +99,7 @@ pub struct StepReport {
     pub rows: RowReport,
     /// The tissue around the tool that the tick got; empty where it has frozen rows.
     pub patch: PatchReport,
-    /// True where the tick got frozen rows in place of a patch since the tool was at a rigid body.
+    /// True where the tick got frozen rows in place of a patch since the tool was at a rigid or fixed body.
     pub frozen_at_rigid: bool,
     /// `W`; where it is not usable the step goes on without contact.
     pub compliance: ComplianceReport,
@@ -217,6 +183,11 @@ impl StepReport {
             latency: 0.0,
             overruns: 0,
         }
+    }
+
+    /// Contacts that found no room in the step, of any pair of bodies: at detection, or among the rows.
+    pub fn dropped(&self) -> u64 {
+        self.detection.dropped as u64 + u64::from(self.bodies.dropped) + self.rows.dropped as u64
     }
 
     /// Names and units of [`StepReport::row`].

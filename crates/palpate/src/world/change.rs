@@ -3,6 +3,8 @@
 //! All have one numbering and one pattern, that of the whole body with all its elements and without what is never
 //! released, so that matrices, factors and states of one fit the others.
 
+use std::sync::Arc;
+
 use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::contact::{FeatureKind, feature_kind};
 use palpate_fem::mesh::TetMesh;
@@ -97,7 +99,8 @@ pub(super) fn changes(whole: &World, bodies: Vec<Later>) -> Result<Vec<Change>, 
         let mut skin = vec![false; mesh.nodes.len()];
         surface.triangles.iter().flatten().for_each(|&node| skin[node as usize] = true);
         let Stretch { time, left, text, .. } = stretch;
-        let world = World { mesh, surface, model, geometry, left: Some(left), ..whole.clone() };
+        let left = Some(left);
+        let world = World { mesh, surface, model, geometry, left, start: Arc::default(), ..whole.clone() };
         changes.push(Change { time, world, memory, cuts, skin, text });
     }
     Ok(changes)

@@ -64,19 +64,20 @@ impl Plan {
         let factorization = symbolic.flops() / FACTOR_RATE;
         let solve = 4.0 * symbolic.nonzeros() as f64 / SOLVE_RATE;
         let constant = is_constant(body);
-        let (compliance, refactor, reason) = if *integration == Integration::BackwardEuler {
+        let linearised = *integration == Integration::BackwardEuler;
+        let (compliance, refactor, reason) = if linearised {
             choose(body, dt, factorization, constant)
         } else {
             (ComplianceMethod::Exact, Refactor::Once, format!("the integrator brings its own: {integration}"))
         };
         let affordable = (body.error_sampling * dt / solve) as usize;
-        let enough = affordable >= FEWEST_SAMPLE_ITERATIONS && *integration == Integration::BackwardEuler;
+        let enough = affordable >= FEWEST_SAMPLE_ITERATIONS && linearised;
         Self {
             compliance,
             refactor,
-            correction: body.correction,
+            correction: if linearised { body.correction } else { MotionCorrection::default() },
             constant,
-            accuracy: body.accuracy,
+            accuracy: body.accuracy.filter(|_| linearised),
             sample_iterations: if enough { affordable.min(MOST_SAMPLE_ITERATIONS) } else { 0 },
             factorization,
             solve,

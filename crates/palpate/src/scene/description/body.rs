@@ -95,18 +95,27 @@ pub struct BodyDescription {
     pub max_iterations: usize,
 }
 
+/// Whether a body says another value for a key than the default.
+pub type IsGiven = fn(&BodyDescription) -> bool;
+
 impl BodyDescription {
+    /// Keys that only `integrator = "backward_euler"` reads.
+    pub const OF_BACKWARD_EULER: [(&str, IsGiven); 9] = [
+        ("guard", |body| body.guard != yes()),
+        ("definiteness_filter", |body| body.definiteness_filter != yes()),
+        ("compliance", |body| body.compliance != ComplianceMethod::default()),
+        ("correction", |body| body.correction != MotionCorrection::default()),
+        ("refactor", |body| body.refactor.is_some()),
+        ("accuracy", |body| body.accuracy.is_some()),
+        ("error_sampling", |body| body.error_sampling != sampling_share()),
+        ("tolerance", |body| body.tolerance != free_motion_tolerance()),
+        ("max_iterations", |body| body.max_iterations != free_motion_iterations()),
+    ];
+
     /// Keys that differ from their defaults and that the body's integrator never reads.
     pub(crate) fn keys_without_effect(&self) -> impl Iterator<Item = &'static str> {
-        let of_linearised_steps = [
-            ("guard", self.guard != yes()),
-            ("definiteness_filter", self.definiteness_filter != yes()),
-            ("compliance", self.compliance != ComplianceMethod::default()),
-            ("tolerance", self.tolerance != free_motion_tolerance()),
-            ("max_iterations", self.max_iterations != free_motion_iterations()),
-        ];
         let other = self.integrator != IntegratorKind::BackwardEuler;
-        of_linearised_steps.into_iter().filter(move |&(_, given)| other && given).map(|(key, _)| key)
+        Self::OF_BACKWARD_EULER.iter().filter(move |(_, given)| other && given(self)).map(|(key, _)| *key)
     }
 }
 
