@@ -63,6 +63,37 @@ fn the_guard_sees_an_allocation() {
     assert!(violations(|| drop(std::hint::black_box(vec![0_u8; 64]))) > 0);
 }
 
+/// An old factor, so that every step refines its forces; and a ladder whose rungs are all climbed.
+#[test]
+fn steps_that_refine_their_forces_and_climb_the_ladder_allocate_nothing() {
+    for accuracy in [None, Some(0.02)] {
+        let world = block::world(|scene| {
+            let method = if accuracy.is_some() { ComplianceMethod::Automatic } else { ComplianceMethod::Asynchronous };
+            let body = &mut scene.bodies[0];
+            (body.compliance, body.accuracy, body.error_sampling) = (method, accuracy, 100.0);
+        });
+        on_a_worker(|| {
+            let mut simulation = Simulation::new(&world).unwrap().refresh_every(0);
+            // A press, and as long without contact as it takes to come down again.
+            let all = STEPS + 4 * u64::from(palpate::world::CALM_STEPS);
+            (0..all).for_each(|k| _ = simulation.step(&pose(k)));
+            let (mut refined, mut rungs) = (0, Vec::with_capacity(all as usize));
+            let seen = violations(|| {
+                for k in 0..all {
+                    let report = simulation.step(&pose(k));
+                    refined += u32::from(report.error.refined);
+                    rungs.extend(report.rung);
+                }
+            });
+            assert_eq!(seen, 0, "accuracy {accuracy:?}");
+            rungs.sort_unstable();
+            rungs.dedup();
+            assert!(refined > if accuracy.is_some() { 0 } else { 15 }, "{refined} refined");
+            assert!(accuracy.is_none() || rungs.len() >= 3, "{rungs:?}");
+        });
+    }
+}
+
 #[test]
 fn a_step_allocates_nothing_while_contacts_come_and_go() {
     for (method, friction, world) in worlds() {
@@ -155,7 +186,7 @@ fn step_factor_and_tick_together_allocate_nothing_over_ten_thousand_ticks() {
                         let input = StepInput { time, tool: *poses.latest(), factor: port.factor() };
                         let report = step(&world, &input, &mut state, &mut ws, snapshots.value_mut());
                         snapshots.publish();
-                        port.offer(report.step, time, state.before(), &ws.fem.system);
+                        port.offer(report.step, time, state.state_before(), &ws.fem.system);
                         offs += usize::from(on && report.active == 0);
                         on = report.active > 0;
                     }

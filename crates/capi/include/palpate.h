@@ -42,6 +42,11 @@
 #include <stdint.h>
 
 /*
+ The passivity layer keeps its account but does not act on the force.
+ */
+#define PALPATE_OPTION_OBSERVE_ENERGY_ONLY (1u << 0)
+
+/*
  Phase of a simulation that has a port and has not been started.
  */
 #define PALPATE_PHASE_READY 0
@@ -131,6 +136,26 @@
  The input's pose was not finite, not a rotation, or beyond 1 km: no force.
  */
 #define PALPATE_TICK_BAD_POSE (1u << 13)
+
+/*
+ The contact would have given out more energy than it took in: the force was reduced along the motion.
+ */
+#define PALPATE_TICK_PASSIVITY (1u << 16)
+
+/*
+ The power given to the hand was cut to its limit.
+ */
+#define PALPATE_TICK_POWER_LIMITED (1u << 17)
+
+/*
+ The tick came later than half a period after its time.
+ */
+#define PALPATE_TICK_LATE (1u << 18)
+
+/*
+ The device's pose has jumped: no force until the tool is out of contact or back where it was.
+ */
+#define PALPATE_TICK_JUMPED (1u << 19)
 
 /*
  The device's clock stood still, ran backwards, or did not keep pace: the library's own was used.
@@ -293,6 +318,22 @@ typedef struct palpate_options {
      Trace to write (MCAP), UTF-8; NULL: none.
      */
     const char *trace;
+    /*
+     Largest power that is given to the hand (W).
+     */
+    double max_power;
+    /*
+     Energy that a contact may give out beyond what it took in (J).
+     */
+    double energy_allowance;
+    /*
+     PALPATE_OPTION_... or 0.
+     */
+    uint32_t switches;
+    /*
+     Always 0.
+     */
+    uint32_t reserved_switches;
 } palpate_options;
 
 /*
@@ -336,7 +377,7 @@ typedef struct palpate_statistics_data {
      */
     uint64_t contacts_dropped;
     /*
-     Ticks that were cut by a limit of force, torque or slew.
+     Ticks that were cut by a limit of force, torque, power or slew.
      */
     uint64_t limited;
     /*
@@ -383,6 +424,54 @@ typedef struct palpate_statistics_data {
      Always 0.
      */
     uint32_t reserved;
+    /*
+     Ticks in which the force was cut to its limit.
+     */
+    uint64_t force_limited;
+    /*
+     Ticks in which the torque was cut to its limit.
+     */
+    uint64_t torque_limited;
+    /*
+     Ticks in which the power given to the hand was cut to its limit.
+     */
+    uint64_t power_limited;
+    /*
+     Ticks in which the change of force or torque was cut to its limit.
+     */
+    uint64_t slew_limited;
+    /*
+     Ticks in which the passivity layer reduced the force along the motion.
+     */
+    uint64_t passivity;
+    /*
+     Ticks whose step of the tissue was old, so that the force faded or was zero.
+     */
+    uint64_t stale;
+    /*
+     Ticks after an interruption.
+     */
+    uint64_t gaps;
+    /*
+     Ticks that came later than half a period after their time.
+     */
+    uint64_t late;
+    /*
+     Ticks without force since the device's pose had jumped.
+     */
+    uint64_t jumped;
+    /*
+     Energy that went through the device by forces since the start (J); positive: the hand has put it in.
+     */
+    double energy;
+    /*
+     The same by torques (J).
+     */
+    double energy_by_torque;
+    /*
+     Lowest energy of a contact (J): what it gave out beyond what it had taken in.
+     */
+    double lowest_energy;
 } palpate_statistics_data;
 
 /*
@@ -493,6 +582,10 @@ typedef struct palpate_output {
      One of PALPATE_PHASE_...
      */
     uint32_t phase;
+    /*
+     Energy that went through the port in the contact that lasts (J); positive: the hand has put it in.
+     */
+    double energy;
 } palpate_output;
 
 #ifdef __cplusplus

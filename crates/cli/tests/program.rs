@@ -32,7 +32,9 @@ fn a_run_writes_trace_picture_table_state_and_summary() {
     assert!((largest - said).abs() <= 1e-12 * said, "trace {largest} N, summary {said} N");
 
     let mut table = csv::Reader::from_path(place.path("steps.csv")).unwrap();
-    assert_eq!(table.headers().unwrap().iter().collect::<Vec<_>>(), palpate::step::StepReport::COLUMNS);
+    let ticks = palpate::summary::ForceCounts::NAMES.map(|name| format!("ticks_{name}"));
+    let columns = palpate::step::StepReport::COLUMNS.iter().copied().chain(ticks.iter().map(String::as_str));
+    assert!(table.headers().unwrap().iter().eq(columns), "{:?}", table.headers());
     let rows: Vec<Vec<f64>> =
         table.records().map(|row| row.unwrap().iter().map(|v| v.parse().unwrap()).collect()).collect();
     assert_eq!(rows.len(), 30);
@@ -45,6 +47,12 @@ fn a_run_writes_trace_picture_table_state_and_summary() {
         assert_eq!(row[column("work_s")], 0.0, "no wall time in lockstep");
     }
     assert!(rows.iter().any(|row| row[column("force_z_n")] > 0.05 && row[column("contacts")] >= 1.0));
+    // The first fade takes 0.3 s; nothing else acts on the force of a press.
+    let of_ticks = |k: usize| rows.iter().map(|row| row[palpate::step::StepReport::COLUMNS.len() + k]).sum::<f64>();
+    for (k, name) in palpate::summary::ForceCounts::NAMES.iter().enumerate() {
+        assert_eq!(of_ticks(k), if *name == "fading_in" { 300.0 } else { 0.0 }, "{name}");
+        assert_eq!(summary["port"]["counts"][*name].as_f64(), Some(of_ticks(k)), "{name}");
+    }
 
     let end = format::read(&place.path("end.vtu")).unwrap().mesh;
     assert_eq!(end.nodes.len(), NODES);
@@ -77,7 +85,7 @@ fn a_lockstep_trace_replays_to_the_bit_and_one_that_was_tampered_with_does_not()
     assert_eq!(place.run("run scene.toml --lockstep --steps 20").code, Some(0));
     let replay = place.run("replay small.mcap");
     assert_eq!(replay.code, Some(0), "{replay:?}");
-    assert!(replay.out.contains("667 ticks, every force and pose the same"), "{}", replay.out);
+    assert!(replay.out.contains("667 ticks, every force, torque and pose the same"), "{}", replay.out);
 
     // The scene that the trace carries has its checksum beside it, so a change is found out.
     let mut bytes = place.read("small.mcap");
@@ -228,6 +236,22 @@ mod interrupt {
         assert_eq!(rows as u64, summary["steps"].as_u64().unwrap());
         if arguments.contains("--lockstep") {
             assert!(replay(&place.path("small.mcap")).unwrap().is_identical());
+        }
+    }
+
+    /// What was written before the end can be replayed.
+    #[test]
+    fn a_run_that_was_killed() {
+        for mode in ["", "--lockstep"] {
+            let place = Place::new();
+            let mut command = place.command(&format!("run scene.toml --seconds 100000 --quiet {mode}"));
+            let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+            begun(&place, &mut child);
+            child.kill().unwrap();
+            child.wait().unwrap();
+            let replay = place.run("replay small.mcap");
+            let told = replay.err.contains("warning: small.mcap") && replay.out.contains("the same to the bit");
+            assert!(replay.code == Some(0) && told, "{mode}: {replay:?}");
         }
     }
 

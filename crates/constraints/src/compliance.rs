@@ -151,6 +151,11 @@ impl<W> ComplianceWorkspace<W> {
     pub fn new(rows: usize, inverse: W) -> Self {
         Self { rotated: NodalRows::with_capacity(rows, 3), inverse, own: vec![0.0; rows * rows] }
     }
+
+    /// The inverse's own workspace.
+    pub fn inverse_mut(&mut self) -> &mut W {
+        &mut self.inverse
+    }
 }
 
 /// What the matrix looks like.

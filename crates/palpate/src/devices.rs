@@ -55,13 +55,13 @@ pub(crate) fn spec(description: &DeviceDescription, own: Option<&DeviceSpec>) ->
         (Some(record), _, _) => record.validate().map(|()| record.clone()),
         (None, Some(name), _) => DeviceSpec::preset(name),
         (None, None, Some(own)) => Ok(own.clone()),
-        (None, None, None) => Ok(DeviceSpec::virtual_device(description.mechanics.encoder_step)),
+        (None, None, None) => Ok(DeviceSpec::of_mechanics(&description.mechanics)),
     }
 }
 
 /// The coupling that the scene names, or the one that suits its device.
 pub(crate) fn coupling(scene: &SceneDescription, spec: &DeviceSpec) -> CouplingConfig {
-    scene.coupling.unwrap_or_else(|| CouplingConfig::for_device(spec))
+    scene.coupling.unwrap_or_else(|| CouplingConfig::at_rate(spec, scene.rates.tick))
 }
 
 /// Opens the scene's device.

@@ -6,10 +6,12 @@ use palpate_haptics::exchange::{Reader, Writer, latest};
 use palpate_haptics::snapshot::HapticSnapshot;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+use crate::changes::{ChangeQueue, taken};
 use crate::gathering::Gathering;
 use crate::problem_files::ProblemFiles;
 use crate::record::{FactorLine, StepLine, TickLine, TraceLines};
-use crate::refresh::{FactorSample, Refresh, RefreshPort, RefreshWatch, refresh};
+use crate::refresh::{FactorSample, Refresh, RefreshPort, refresh};
+use crate::refresh_watch::RefreshWatch;
 use crate::run::{RunError, RunOptions, RunOutcome};
 use crate::scene::{Staleness, staleness};
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
@@ -27,6 +29,8 @@ pub(crate) struct Engine<'w, T = Ticker> {
     pub(crate) ticker: T,
     pub(crate) trace: Option<TraceLines>,
     pub(crate) notes: Vec<String>,
+    /// Where changes come in from outside; taken by whoever may ask for them.
+    pub(crate) changes: Option<ChangeQueue>,
 }
 
 /// What the tick reads and writes: snapshots, tool poses, the trace.
@@ -75,21 +79,22 @@ impl<'w, T> Engine<'w, T> {
         } else {
             (RefreshPort::fixed(factor), None)
         };
+        let changes = (world.changes_from_outside() > 0).then(|| ChangeQueue::new(world, &mut ws));
         let (pose_writer, poses) = latest(&first);
         let (snapshots, snapshot_reader) = latest(&world.empty_snapshot());
         let (line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, device, &mut notes)?;
         let ticker = make(TickEnds { snapshots: snapshot_reader, poses: pose_writer, line: tick_line })?;
         let state = StepState::new(world, rest);
         ws.problem_files = options.problems.clone().map(ProblemFiles::new);
-        let watch = RefreshWatch::new(world.plan().accuracy);
+        let watch = RefreshWatch::new(world.plan());
         let stage = StepStage { world, state, ws, port, watch, urged: false, snapshots, poses, line };
-        Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes })
+        Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes, changes })
     }
 
     /// The tick, and all the rest.
     pub(crate) fn split(self) -> (T, Engine<'w, ()>) {
-        let Self { world, stage, refresh, refresh_trace, ticker, trace, notes } = self;
-        (ticker, Engine { world, stage, refresh, refresh_trace, ticker: (), trace, notes })
+        let Self { world, stage, refresh, refresh_trace, ticker, trace, notes, changes } = self;
+        (ticker, Engine { world, stage, refresh, refresh_trace, ticker: (), trace, notes, changes })
     }
 
     /// In lockstep, writes the records that wait for the trace.
@@ -104,6 +109,8 @@ impl<'w, T> Engine<'w, T> {
         gathering.notes.splice(0..0, self.notes);
         gathering.notes.extend(gathering.device_note());
         gathering.notes.extend(self.stage.ws.problem_files.as_ref().map(ProblemFiles::note));
+        let state = &self.stage.state;
+        gathering.name_changes(taken(self.world, state), state.outside(self.world).map(|(_, change)| change.text()));
         let trace = self.trace.map(|trace| trace.finish(&gathering));
         let mut summary = gathering.summary(self.world, wall, trace);
         summary.rigid_bodies = RigidEnd::all(self.world, &self.stage.state.rigid);
@@ -143,9 +150,9 @@ impl StepStage<'_> {
         self.snapshots.publish();
         self.urged = false;
         if report.status == StepStatus::Advanced {
-            let (q, system) = (self.state.before(), &self.ws.fem.system);
-            self.port.offer(report.step, time, q, system);
-            self.urged = self.watch.is_too_old(&report) && self.port.urge(report.step, time, q, system);
+            let (before, system) = (self.state.state_before(), &self.ws.fem.system);
+            self.port.offer(report.step, time, before, system);
+            self.urged = self.watch.is_too_old(&report) && self.port.urge(report.step, time, before, system);
         }
         report
     }

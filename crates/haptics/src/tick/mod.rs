@@ -9,64 +9,41 @@
 //! Where the tick was given a tool and the snapshot carries a patch of tissue, contacts and rows are found anew in place of
 //! 2, on the patch and at the newest pose ([`PatchTickConfig`]).
 //!
-//! 4. The wrench Jᵀ λ goes through the limits ([`crate::limits`]) to the device.
+//! 4. The wrench Jᵀ λ goes through the fades, the energy account of the port ([`crate::passivity`]) and the limits
+//!    ([`crate::limits`]) to the device.
 //!
 //! A tick allocates nothing, takes no lock, makes no system call, has no panic path, and its work is bounded by the
 //! capacity and the number of sweeps: O(rows²) a sweep, and as much again when a snapshot is taken over.
 
+mod config;
+mod contact;
+mod course;
+mod jump;
 mod local;
 mod patch;
+mod state;
 mod warm_start;
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Isometry3;
 use palpate_solver::gauss_seidel::GaussSeidelConfig;
-use serde::{Deserialize, Serialize};
 
 use crate::SetupError;
-use crate::coupling::{Coupling, CouplingConfig, CouplingState};
+use crate::coupling::Coupling;
 use crate::device::{DeviceError, DeviceSample, DeviceSpec, TickTime};
 use crate::error::positive;
-use crate::limits::{Limits, LimitsConfig, LimitsState};
+use crate::limits::Limits;
+use crate::passivity::Passivity;
 use crate::record::{TickFlags, TickRecord};
 use crate::snapshot::HapticSnapshot;
 use crate::wrench::{Twist, Wrench, all_finite};
 
+pub use config::TickConfig;
 pub use local::TickWorkspace;
 pub use patch::PatchTickConfig;
+pub use state::TickState;
 
-use local::{Local, Problem};
-use patch::{PatchMemory, PatchProblem, ToolPoses};
-use warm_start::WarmStart;
-
-/// The tick as described by a scene.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TickConfig {
-    /// Nominal time between ticks \[s\], > 0 (0.001).
-    pub period: f64,
-    /// Most Gauss-Seidel sweeps of a tick, > 0 (30).
-    pub sweeps: u32,
-    /// Relative natural-map residual at which the sweeps stop, > 0 (1e-6).
-    pub tolerance: f64,
-    /// Spring and damper between device and tool.
-    pub coupling: CouplingConfig,
-    /// Limits of force.
-    pub limits: LimitsConfig,
-}
-
-impl TickConfig {
-    /// The defaults for a device, at the device's rate.
-    #[must_use]
-    pub fn for_device(spec: &DeviceSpec) -> Self {
-        Self {
-            period: 1.0 / spec.rate,
-            sweeps: 30,
-            tolerance: 1e-6,
-            coupling: CouplingConfig::for_device(spec),
-            limits: LimitsConfig::default(),
-        }
-    }
-}
+use local::Local;
+use patch::PatchMemory;
 
 /// Largest coordinate that a device pose may have \[m\]; beyond it the pose is an error of the driver.
 pub const MAX_COORDINATE: f64 = 1e3;
@@ -77,70 +54,10 @@ pub struct Tick {
     period: f64,
     solver: GaussSeidelConfig,
     coupling: Coupling,
+    passivity: Passivity,
     limits: Limits,
     patch: Option<PatchTickConfig>,
 }
-
-/// What a tick remembers: state.
-#[derive(Clone, Debug)]
-pub struct TickState {
-    coupling: CouplingState,
-    limits: LimitsState,
-    warm_start: WarmStart,
-    /// For ticks on patches.
-    patch: Option<PatchMemory>,
-    /// The step whose snapshot is in use.
-    step: Option<u64>,
-    age: f64,
-    /// Contact force of the snapshot that is about to be replaced, at the pose of this tick \[N\].
-    outgoing: Option<Vector3<f64>>,
-    device_pose: Isometry3<f64>,
-    device_velocity: Twist,
-}
-
-impl TickState {
-    /// The state before the first tick, for snapshots of up to `max_contacts` contacts.
-    #[must_use]
-    pub fn new(max_contacts: usize) -> Self {
-        Self {
-            coupling: CouplingState::default(),
-            limits: LimitsState::default(),
-            warm_start: WarmStart::new(max_contacts),
-            patch: None,
-            step: None,
-            age: f64::INFINITY,
-            outgoing: None,
-            device_pose: Isometry3::identity(),
-            device_velocity: Twist::default(),
-        }
-    }
-
-    /// Takes the force off and forgets everything but the capacity.
-    pub fn reset(&mut self) {
-        self.coupling = CouplingState::default();
-        self.limits.cut();
-        self.warm_start.clear();
-        self.forget_patch();
-        self.step = None;
-        self.age = f64::INFINITY;
-        self.outgoing = None;
-    }
-
-    /// Takes the force off at once, lets its return be a ramp, and forgets the stretch of the coupling.
-    pub(crate) fn cut(&mut self) {
-        self.coupling = CouplingState::default();
-        self.limits.cut();
-        self.forget_patch();
-    }
-
-    /// The next tick on a patch begins with the shape and the forces of the step.
-    fn forget_patch(&mut self) {
-        self.patch.iter_mut().for_each(PatchMemory::forget);
-    }
-}
-
-const NOT_A_WRENCH: Wrench =
-    Wrench { force: Vector3::new(f64::NAN, f64::NAN, f64::NAN), torque: Vector3::new(f64::NAN, f64::NAN, f64::NAN) };
 
 impl Tick {
     /// The tick of a scene on a device.
@@ -159,6 +76,7 @@ impl Tick {
                 ..GaussSeidelConfig::default()
             },
             coupling: Coupling::new(&config.coupling, config.period)?,
+            passivity: Passivity::new(&config.passivity, spec, config.period)?,
             limits: Limits::new(&config.limits, spec)?,
             patch: None,
         })
@@ -206,26 +124,6 @@ impl Tick {
         self.period
     }
 
-    /// Solves the snapshot that is about to be replaced at the newest pose, so that the tick that follows can measure
-    /// the jump of force which the new snapshot brings, and that alone. λ starts the new one.
-    #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
-    pub fn weigh_outgoing(
-        &self,
-        state: &mut TickState,
-        outgoing: &HapticSnapshot,
-        sample: &DeviceSample,
-        ws: &mut TickWorkspace,
-    ) {
-        if outgoing.valid && state.step == Some(outgoing.step) && is_pose(&sample.pose) {
-            let poses = self.poses(state, sample);
-            let local = match (self.local(outgoing), &state.patch) {
-                (Some(problem), Some(memory)) => problem.solve(memory, &outgoing.patch, &poses, ws),
-                _ => self.problem().solve(&mut state.warm_start, outgoing, &poses.predicted, ws),
-            };
-            state.outgoing = Some(local.wrench.force);
-        }
-    }
-
     /// One tick.
     #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn tick(
@@ -248,35 +146,22 @@ impl Tick {
             state.device_velocity = Twist::default();
             state.cut();
             (Wrench::zero(), Local::EMPTY)
-        } else if snapshot.valid {
-            (state.device_pose, state.device_velocity) = (sample.pose, sample.velocity);
-            let poses = self.poses(state, sample);
-            let local = self.solve(state, snapshot, &poses, ws, &mut flags);
-            flags.set_if(local.truncated, TickFlags::TRUNCATED);
-            flags.set_if(!local.converged, TickFlags::NOT_CONVERGED);
-            state.coupling = self.coupling.settle(&state.coupling, &local.wrench);
-            self.keep(state, snapshot, &sample.pose, ws);
-            // Numbers in W or δ_free that are not finite end the force, even where λ is finite.
-            let target = if local.finite { local.wrench } else { NOT_A_WRENCH };
-            let sent = self.limits.apply(&mut state.limits, &target, state.age, dt, &mut flags);
-            if flags.contains(TickFlags::NON_FINITE) {
-                state.cut();
-                state.warm_start.clear_forces();
-                (sent, Local { wrench: Wrench::zero(), active: 0, ..local })
-            } else {
-                (sent, local)
-            }
         } else {
-            (state.device_pose, state.device_velocity) = (sample.pose, sample.velocity);
-            flags.set(if snapshot.step == 0 { TickFlags::NO_SNAPSHOT } else { TickFlags::INVALID_SNAPSHOT });
-            state.coupling = self.coupling.settle(&state.coupling, &Wrench::zero());
-            state.forget_patch();
-            (self.limits.release(&mut state.limits, dt, &mut flags), Local::EMPTY)
+            self.observe(state, sample);
+            if snapshot.valid {
+                self.touch(state, snapshot, sample, dt, ws, &mut flags)
+            } else {
+                flags.set(if snapshot.step == 0 { TickFlags::NO_SNAPSHOT } else { TickFlags::INVALID_SNAPSHOT });
+                state.coupling = self.coupling.settle(&state.coupling, &Wrench::zero());
+                state.forget_patch();
+                (self.limits.release(&mut state.limits, dt, &mut flags), Local::EMPTY)
+            }
         };
+        self.passivity.keep(&mut state.passivity, &sent, local.active > 0, aged);
 
         let swapped = flags.contains(TickFlags::NEW_SNAPSHOT);
         let jump = outgoing.filter(|_| swapped).map_or(0.0, |before| (local.wrench.force - before).norm());
-        record(state, snapshot, time, sent, &local, jump, flags)
+        record(state, snapshot, TickTime { dt: aged, ..time }, sent, &local, jump, flags)
     }
 
     /// A tick without a sample: no force, and a ramp when the device is back.
@@ -294,91 +179,17 @@ impl Tick {
         state.device_velocity = Twist::default();
         state.cut();
         state.outgoing = None;
-        let record = record(state, snapshot, time, Wrench::zero(), &Local::EMPTY, 0.0, flags);
+        let record = record(state, snapshot, TickTime { dt: aged, ..time }, Wrench::zero(), &Local::EMPTY, 0.0, flags);
         TickRecord { device_error: Some(error), ..record }
     }
 
-    fn problem(&self) -> Problem<'_> {
-        Problem { solver: &self.solver, coupling: &self.coupling }
-    }
-
-    /// What solves on the snapshot's patch, where the tick works on patches and the snapshot has one.
-    fn local(&self, snapshot: &HapticSnapshot) -> Option<PatchProblem<'_>> {
-        let config = self.patch.as_ref().filter(|_| snapshot.patch.valid)?;
-        Some(PatchProblem { solver: &self.solver, coupling: &self.coupling, config })
-    }
-
-    fn poses(&self, state: &TickState, sample: &DeviceSample) -> ToolPoses {
-        let held = state.coupling.tool(&sample.pose);
-        ToolPoses { held, predicted: self.coupling.predict(&state.coupling, &sample.pose) }
-    }
-
-    /// The contact problem of the tick: on the patch, or on the snapshot's own rows.
-    fn solve(
-        &self,
-        state: &mut TickState,
-        snapshot: &HapticSnapshot,
-        poses: &ToolPoses,
-        ws: &mut TickWorkspace,
-        flags: &mut TickFlags,
-    ) -> Local {
-        match (self.local(snapshot), &mut state.patch) {
-            (Some(problem), Some(memory)) => {
-                // Forgotten between two snapshots, after a fault: it begins anew on this one.
-                if !memory.is_of(&snapshot.patch) {
-                    memory.forget();
-                    memory.take_over(&snapshot.patch);
-                }
-                flags.set(TickFlags::LOCAL);
-                let beyond = problem.is_beyond(&snapshot.patch, &snapshot.tool_pose, &poses.held);
-                flags.set_if(beyond, TickFlags::BEYOND_PATCH);
-                problem.solve(memory, &snapshot.patch, poses, ws)
-            }
-            _ => self.problem().solve(&mut state.warm_start, snapshot, &poses.predicted, ws),
+    /// Takes a sound sample, and books what went through the port until now.
+    fn observe(&self, state: &mut TickState, sample: &DeviceSample) {
+        (state.device_pose, state.device_velocity) = (sample.pose, sample.velocity);
+        if state.jump.watch(&self.limits, &sample.pose.translation.vector) {
+            state.passivity.cut();
         }
-    }
-
-    /// Lets a tick on a patch be remembered.
-    fn keep(&self, state: &mut TickState, snapshot: &HapticSnapshot, device: &Isometry3<f64>, ws: &TickWorkspace) {
-        let tool = state.coupling.tool(device);
-        if let (Some(problem), Some(memory), Some(ws)) = (self.local(snapshot), &mut state.patch, &ws.patch) {
-            memory.keep(&snapshot.patch, problem.config.hand_over, &tool, ws);
-        }
-    }
-
-    /// Notices a new snapshot, or lets the one in use age.
-    fn take_over(&self, state: &mut TickState, snapshot: &HapticSnapshot, dt: f64, flags: &mut TickFlags) -> bool {
-        let new = snapshot.valid && state.step != Some(snapshot.step);
-        if new {
-            flags.set(TickFlags::NEW_SNAPSHOT);
-            state.warm_start.take_over(snapshot);
-            state.step = Some(snapshot.step);
-            state.age = 0.0;
-        } else {
-            state.age += dt;
-        }
-        if let Some(memory) = &mut state.patch {
-            match (self.patch.is_some() && snapshot.patch.valid, new) {
-                (true, true) => memory.take_over(&snapshot.patch),
-                (true, false) => memory.age(dt),
-                (false, _) => memory.forget(),
-            }
-        }
-        new
-    }
-
-    /// Time since the tick before, for the limits and for the snapshot's age.
-    ///
-    /// A gap, or a time that cannot be, makes the force come back as a ramp: for the limits it counts as one period,
-    /// so that the gap itself does not pass for time in which the force has risen.
-    fn elapsed(&self, state: &mut TickState, dt: f64, flags: &mut TickFlags) -> (f64, f64) {
-        let sound = dt > 0.0 && dt.is_finite();
-        if sound && !self.limits.is_gap(dt) {
-            return (dt, dt);
-        }
-        flags.set(TickFlags::GAP);
-        state.limits.gain = 0.0;
-        (self.period, if sound { dt } else { self.period })
+        self.passivity.observe(&mut state.passivity, &sample.pose);
     }
 }
 
@@ -401,6 +212,7 @@ fn record(
     TickRecord {
         index: time.index,
         time: time.time,
+        dt: time.dt,
         device_pose: state.device_pose,
         device_velocity: state.device_velocity,
         tool_pose: state.coupling.tool(&state.device_pose),
@@ -415,6 +227,7 @@ fn record(
         snapshot_age: state.age,
         force_jump,
         gain: state.limits.gain,
+        energy: state.passivity.energy(),
         flags,
         device_error: None,
     }

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::run::{Observer, Progress};
 use crate::step::StepReport;
-use crate::summary::{Percentiles, Tail};
+use crate::summary::{Percentiles, PortSummary, Tail};
 use crate::tick::{TickFlags, TickReport};
 
 /// A session so far. Times in seconds, forces in newtons.
@@ -32,10 +32,12 @@ pub struct Statistics {
     pub contacts_dropped: u64,
     /// Contacts that carry force, at the latest step.
     pub contacts: u32,
-    /// Ticks that were cut by a limit of force, torque or slew.
+    /// Ticks that were cut by a limit of force, torque, power or slew.
     pub limited: u64,
     /// Ticks that sent no force because a number or a pose was not sound.
     pub refused: u64,
+    /// The device's port: energy, and what acted on the force.
+    pub port: PortSummary,
     /// Largest force that was sent (N).
     pub largest_force: f64,
     /// Largest jump of the contact force at a new snapshot (N).
@@ -105,7 +107,9 @@ impl Observer for Ledger {
         s.time = record.time;
         s.ticks += 1;
         s.tick_overruns += u64::from(report.overruns);
-        let limited = any(&[TickFlags::FORCE_LIMITED, TickFlags::TORQUE_LIMITED, TickFlags::SLEW_LIMITED]);
+        use TickFlags as F;
+        let limited = any(&[F::FORCE_LIMITED, F::TORQUE_LIMITED, F::POWER_LIMITED, F::SLEW_LIMITED]);
+        s.port.add(record);
         s.limited += u64::from(limited);
         s.refused += u64::from(any(&[TickFlags::BAD_POSE, TickFlags::NON_FINITE]));
         s.largest_force = s.largest_force.max(record.wrench.force.norm());

@@ -35,7 +35,7 @@ fn correction(world: &World, factor: &FactorSample, ws: &mut StepWorkspace) -> b
             }
             None => {
                 let own = ws.own.as_ref().filter(|_| ws.own_is_current);
-                let (inverse, _) = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
+                let (inverse, _) = inverse(world, factor, own, ws.newton.as_ref(), ws.first.as_ref(), &ws.rotations);
                 SoftBody { inverse, workspace: &mut ws.compliance, correction }.correct(&ws.rows, lambda, dt)
             }
         }

@@ -45,7 +45,7 @@ pub(super) fn newton_with_contact(
         motion(world, config, state, ws, report);
         report.times.free_motion += clock.lap();
         stages::rows(world, tool, state, ws, report);
-        stages::compliance(world, input.factor, 0, ws, report);
+        stages::compliance(world, input.factor, ws, report);
         relieve(ws);
         stages::choose_laws(world, ws);
         report.times.compliance += clock.lap();
@@ -231,7 +231,7 @@ path = [{ time = 0, position = [0.02, 0.02, 0.05] }]
         let before = momentum(&world, &simulation.state().fem.v);
         let carried = ws.newton.as_ref().unwrap().carried.iter().sum::<f64>() * world.dt();
         let factor = crate::refresh::FactorSample::first(&world, &simulation.state().fem, &mut ws).unwrap();
-        stages::compliance(&world, &factor, 0, &mut ws, &mut report);
+        stages::compliance(&world, &factor, &mut ws, &mut report);
         correction::correct(&world, &factor, simulation.state_mut(), &mut ws, &mut report);
         assert_eq!(report.status, StepStatus::Advanced);
         let after = momentum(&world, &simulation.state().fem.v);

@@ -75,7 +75,7 @@ pub(super) fn fill(
     patch.law = world.description().contact.contact_law();
     report.patch = gather(world, input, before, state, ws, &mut stage, patch);
     patch.left_out = report.patch.left_out as u32;
-    patch.valid = patch.skin().movable() == 0 || compliance(world, input, state, ws, &mut stage, report, patch);
+    patch.valid = patch.skin().movable() == 0 || compliance(world, input, ws, &mut stage, report, patch);
     if patch.valid {
         shape(world, state, ws, patch);
     }
@@ -105,7 +105,6 @@ fn gather(
 fn compliance(
     world: &World,
     input: &StepInput<'_>,
-    state: &StepState,
     ws: &mut StepWorkspace,
     stage: &mut PatchStage,
     report: &mut StepReport,
@@ -137,7 +136,7 @@ fn compliance(
         }
     }
     let all = rows.len();
-    stages::own_factor(world, state.exact_steps, ws, report);
+    stages::own_factor(world, ws, report);
     if all == n {
         return stages::compliance_of(world, input.factor, rows, square(patch.compliance_mut(), n), ws).0.usable;
     }

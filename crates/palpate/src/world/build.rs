@@ -14,9 +14,15 @@ use super::course::{Stretch, course};
 use super::elements::{locking, with_nodes_for};
 use super::fixed::fixed_nodes;
 use super::geometry::{Loaded, load};
+use super::outside::Basis;
 use super::pairs::apart;
-use super::{Bodies, Integration, Plan, World, change};
+use super::precomputed::skin_nodes;
+use super::{Bodies, CouplingChoice, Integration, Plan, World, change};
 use crate::scene::{Scene, SceneError, staleness};
+
+/// Nodes that a change from outside may touch for a factor to follow it at once: a clamp, or a cut through some sixty
+/// elements. What touches more waits for the next factor.
+const MOST_TOUCHED: usize = 120;
 
 /// Builds the world of a checked scene.
 pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
@@ -45,10 +51,10 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     let surface = mesh.surface();
     let fixed = fixed_nodes(scene, &mesh)?;
     let course = course(scene, &mesh, &fixed)?;
-    // What an event releases keeps its rows from the start.
+    // What may be released keeps its rows from the start.
     let mut released = vec![false; fixed.len()];
     for (node, released) in released.iter_mut().enumerate() {
-        *released = course.iter().any(|stretch| !stretch.held[node]);
+        *released = body.changes > 0 || course.iter().any(|stretch| !stretch.held[node]);
     }
     for name in body.regions.keys() {
         if !mesh.region_names.contains(name) {
@@ -81,6 +87,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     if !fixed.contains(&true) && description.fixed_bodies.is_empty() {
         warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
     }
+    warnings.extend(CouplingChoice::new(description).and_then(|coupling| coupling.warning()));
     let model = FemModel::new(&mesh, &config).map_err(|e| match e {
         FemError::NoBulk { .. } => scene.at("body.0.element", e.to_string(), "change the element or the law"),
         FemError::Material { ref place, .. } => {
@@ -95,7 +102,8 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         .map_err(|e| scene.at("body.0", e.to_string(), "use a smaller mesh"))?;
     let symbolic = Arc::new(symbolic);
     let integration = Integration::new(scene, &model, &symbolic, 1.0 / description.rates.step)?;
-    let plan = Plan::new(description, &integration, &symbolic);
+    let skin = skin_nodes(&model, &surface).len();
+    let plan = Plan::new(description, &integration, &symbolic, skin);
     let contact = &description.contact;
     let detection = DetectionConfig {
         kind: contact.at,
@@ -125,13 +133,14 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         plan,
         warnings,
         changes: Vec::new(),
+        basis: None,
         left: None,
     };
     let mut skin = world.geometry.clone();
     skin.refit(&world.start().q);
     tool_outside(&world, &skin)?;
     apart(&world, &skin)?;
-    with_changes(world, &config, course)
+    with_changes(world, config, course, &fixed)
 }
 
 /// The nodes that are fixed and that an event releases, or does not.
@@ -141,22 +150,34 @@ fn nodes_where(fixed: &[bool], released: &[bool], value: bool) -> Vec<u32> {
 }
 
 /// The world with the bodies that its events leave, and room in its factors to pass from one to the next.
-fn with_changes(mut world: World, config: &FemConfig, course: Vec<Stretch>) -> Result<World, SceneError> {
-    if course.is_empty() {
+fn with_changes(
+    mut world: World,
+    config: FemConfig,
+    course: Vec<Stretch>,
+    fixed: &[bool],
+) -> Result<World, SceneError> {
+    let outside = world.description().bodies[0].changes > 0;
+    if course.is_empty() && !outside {
         return Ok(world);
     }
+    let left = (0..world.mesh.tetrahedra.len() as u32).collect();
+    let whole = || Stretch { event: 0, time: 0.0, held: fixed.to_vec(), left, text: String::new() };
+    let last = course.last().cloned().unwrap_or_else(whole);
     let seconds = world.description().seconds;
     let late = course.iter().filter(|stretch| stretch.time >= seconds);
     let late: Vec<_> =
         late.map(|s| format!("the event at {} s is after the end of the run, {seconds} s", s.time)).collect();
     world.warnings.extend(late);
-    let later = change::bodies(&world, config, course)?;
-    let room = change::most_touched(&world.model, &later).min(world.plan.room_for_changes(world.dt()));
+    let later = change::bodies(&world, &config, course)?;
+    let unknown = if outside { MOST_TOUCHED } else { 0 };
+    let most = change::most_touched(&world.model, &later).max(unknown);
+    let room = most.min(world.plan.room_for_changes(world.dt()));
     // Nothing else has the symbolic factor yet.
     if let Some(symbolic) = Arc::get_mut(&mut world.symbolic) {
         symbolic.make_room_for_changes(room);
     }
     world.changes = change::changes(&world, later)?;
+    world.basis = outside.then(|| Arc::new(Basis { config, last }));
     Ok(world)
 }
 

@@ -7,15 +7,18 @@ mod course;
 mod elements;
 mod fixed;
 mod geometry;
+mod haptics;
 mod integration;
+mod ladder;
+mod outside;
 mod pairs;
 mod plan;
+mod precomputed;
 mod selection;
 mod text;
 
 use std::sync::{Arc, OnceLock};
 
-use nalgebra::Isometry3;
 use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::detection::DetectionConfig;
 use palpate_collision::shape::ToolShape;
@@ -27,16 +30,24 @@ use palpate_fem::model::{FemModel, FemState};
 use palpate_fem::surface::Surface;
 use palpate_haptics::snapshot::HapticSnapshot;
 
-use crate::scene::{Scene, SceneDescription, TickMethod};
+use crate::scene::{Scene, SceneDescription};
 use crate::settle::settle;
+use outside::Basis;
+
 pub(crate) use build::{build, build_on};
 
 pub use bodies::{Bodies, FixedBody, RigidBody};
 pub use change::Change;
 pub use geometry::{is_surface, make};
+pub use haptics::CouplingChoice;
 pub use integration::{EXPLICIT_SAFETY, Integration};
+pub use ladder::{CALM_STEPS, LOWER_SHARE, Ladder, MOST_CALM_STEPS, Rung};
+pub(crate) use outside::ChangeMaker;
+pub use outside::{ChangeError, ChangeRequest};
 pub use pairs::{Far, Near, Pair};
 pub use plan::Plan;
+pub use precomputed::Precomputed;
+pub(crate) use precomputed::skin_nodes;
 
 /// Most contacts of fixed and rigid bodies in one step: their compliance then takes 72 MB.
 const MOST_CONTACTS: usize = 1000;
@@ -58,6 +69,8 @@ pub struct World {
     plan: Plan,
     warnings: Vec<String>,
     changes: Vec<Change>,
+    /// What changes from outside are made from, where there is room for them.
+    basis: Option<Arc<Basis>>,
     /// The body as a run begins, and how it came to rest where it settles; found when it is first asked for.
     start: Arc<OnceLock<(FemState, Option<EquilibriumReport>)>>,
     /// After an event: the elements that are left of the scene's mesh.
@@ -156,12 +169,6 @@ impl World {
         &self.detection
     }
 
-    /// Nodes of the tissue around the tool that a snapshot carries; 0 where the tick has frozen rows.
-    pub fn patch_nodes(&self) -> usize {
-        let tick = &self.description().tick;
-        if tick.method == TickMethod::Local { tick.patch_nodes } else { 0 }
-    }
-
     /// A snapshot with the room that this scene needs, for programs that bring their own loop.
     pub fn empty_snapshot(&self) -> HapticSnapshot {
         HapticSnapshot::with_patch(self.tool_capacity(), self.patch_nodes())
@@ -182,6 +189,16 @@ impl World {
         &self.changes
     }
 
+    /// Most changes from outside in one run.
+    pub fn changes_from_outside(&self) -> usize {
+        if self.basis.is_some() { self.description().bodies[0].changes as usize } else { 0 }
+    }
+
+    /// Whether the body may change while it runs.
+    pub(crate) fn changes_ever(&self) -> bool {
+        !self.changes.is_empty() || self.basis.is_some()
+    }
+
     /// The world after the first `phase` events: this one after none, the last one beyond.
     pub fn phase(&self, phase: usize) -> &World {
         let after = phase.min(self.changes.len()).checked_sub(1);
@@ -197,15 +214,4 @@ impl World {
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
-
-    /// The pose of the tool before the device has told one: where the hand's path begins, or without one the device's
-    /// origin.
-    pub fn first_pose(&self) -> Isometry3<f64> {
-        first_pose(self.description())
-    }
-}
-
-fn first_pose(description: &SceneDescription) -> Isometry3<f64> {
-    let [x, y, z] = description.hand.path.first().map_or(description.device.origin, |key| key.position);
-    Isometry3::translation(x, y, z)
 }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use palpate_fem::sparse::FIXED;
 
 use super::{Integration, World};
-use crate::scene::{BodyDescription, ContactMethod, TickMethod};
+use crate::scene::{BodyDescription, ContactMethod};
 
 impl World {
     /// How contact forces are found at step rate, with the parameters of the method.
@@ -18,17 +18,6 @@ impl World {
                 format!("penalty ({} times the body's stiffness, damping {} s)", penalty.multiple, penalty.damping)
             }
             (method, _) => method.name().into(),
-        }
-    }
-
-    /// What contact problem the tick solves, with the parameters of the method.
-    pub fn tick_method(&self) -> String {
-        let tick = &self.description().tick;
-        match tick.method {
-            TickMethod::Local => {
-                format!("local ({} nodes at most, hand-over {} ms)", tick.patch_nodes, tick.hand_over * 1e3)
-            }
-            TickMethod::Frozen => "frozen rows".into(),
         }
     }
 
@@ -103,6 +92,7 @@ impl World {
         }
         let _ = writeln!(text, "solver: {}", one_line(&d.solver));
         let _ = writeln!(text, "tick: {}", self.tick_method());
+        let _ = writeln!(text, "{}", self.force_path());
         let _ = writeln!(text, "integrator: {}", self.integration);
         let _ = writeln!(
             text,

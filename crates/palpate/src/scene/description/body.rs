@@ -50,7 +50,12 @@ pub struct BodyDescription {
     /// Tissue of named regions.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub regions: BTreeMap<String, TissueDescription>,
-    /// Nodes that never move.
+    /// Most changes from outside in one run ([`Session::change`](crate::session::Session::change),
+    /// [`Simulation::change`](crate::simulation::Simulation::change)): nodes held or released, elements removed. Fixed nodes
+    /// then keep their rows, for they may be released.
+    #[serde(default)]
+    pub changes: u32,
+    /// Nodes that never move, unless a change releases them.
     #[serde(default)]
     pub fixed: Vec<NodeSelection>,
     /// Lets the body settle under gravity before the run; its place then is what indentation is measured from.
@@ -72,9 +77,15 @@ pub struct BodyDescription {
     /// When the system matrix is factored; what suits `compliance` by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refactor: Option<Refactor>,
-    /// Relative error of the contact forces to keep to: steps whose measured error is above are followed by exact ones.
+    /// Relative error of the contact forces to keep to by the cheapest method that does
+    /// (see [`Ladder`](crate::world::Ladder)): from `compliance` up, or with `automatic` from the precomputed inverse of the
+    /// first matrix up.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<f64>,
+    /// Most memory (MB) for the inverse of the first matrix between the nodes of the skin, with `warped` compliance and with
+    /// `accuracy`: 18 bytes per pair of nodes, 256 MB for 3,770 nodes. What takes more is left to half solves; 0 for none.
+    #[serde(default = "surface_memory")]
+    pub surface_memory: f64,
     /// Share of a step that may be spent on comparing a column of the compliance with the exact one; 0 for none.
     #[serde(default = "sampling_share")]
     pub error_sampling: f64,
@@ -117,6 +128,10 @@ impl BodyDescription {
         let other = self.integrator != IntegratorKind::BackwardEuler;
         Self::OF_BACKWARD_EULER.iter().filter(move |(_, given)| other && given(self)).map(|(key, _)| *key)
     }
+}
+
+fn surface_memory() -> f64 {
+    256.0
 }
 
 fn sampling_share() -> f64 {
