@@ -93,6 +93,10 @@ fn facts(s: &RunSummary) -> Table {
         "factors before their turn / steps in contact with exact compliance".to_string(),
         format!("{} / {}", s.factors_early, s.exact_steps),
     ]);
+    if !s.rungs.is_empty() {
+        let by: Vec<_> = s.rungs.iter().map(|(rung, steps)| format!("{rung} {steps}")).collect();
+        table.add_row(["steps in contact by method / climbs".to_string(), format!("{} / {}", by.join(", "), s.climbs)]);
+    }
     table.add_row(["largest force [N]".to_string(), format!("{:.3}", s.largest_force)]);
     table.add_row([
         "impulse of contact: steps / ticks [N s]".to_string(),
@@ -113,8 +117,8 @@ fn facts(s: &RunSummary) -> Table {
         format!("{} / {}", s.contacts_dropped, s.factors_refused),
     ]);
     table.add_row([
-        "steps shortened / with unsettled contact forces".to_string(),
-        format!("{} / {}", s.shortened, s.unsettled),
+        "steps shortened / repeated / with elements held open / with unsettled contact forces".to_string(),
+        format!("{} / {} / {} / {}", s.shortened, s.repeated, s.held_open, s.unsettled),
     ]);
     let per_step = |n: u64| n as f64 / s.steps.max(1) as f64;
     table.add_row([

@@ -132,31 +132,37 @@ fn a_quick_chart_of_compliance_says_that_error_grows_with_age_and_the_exact_corr
     let place = Place::new();
     let run = place.run("chart compliance --quick --out charts");
     assert_eq!(run.code, Some(0), "{run:?}");
-    assert!(place.text("charts/compliance.svg").contains("not warped, exact correction"));
+    assert!(place.text("charts/compliance.svg").contains("precomputed, warped, refined"));
     let rows = table(&place, "charts/compliance.csv");
-    // Three motions by the exact method and by four others at five ages.
-    assert_eq!(rows.len(), 3 * (1 + 4 * 5));
-    for row in rows.iter().filter(|row| text(row, "correction") == "exact") {
+    // Three motions: the exact method, and with each of three corrections two sources of W at five ages and one at one.
+    assert_eq!(rows.len(), 3 * (1 + 3 * (2 * 5 + 1)));
+    for row in rows.iter().filter(|row| ["exact", "refined"].contains(&text(row, "correction"))) {
         // The solves stop at 1e-6 of their right side.
         assert!(number(row, "imbalance [%]") <= 1e-4, "{row:?}");
     }
-    for motion in ["twisting", "pressed deep"] {
-        for warped in ["yes", "no"] {
-            let of = |row: &&Vec<(String, String)>| {
-                text(row, "motion") == motion && text(row, "warped") == warped && text(row, "correction") == "matching"
-            };
-            let errors: Vec<f64> = rows.iter().filter(of).map(|row| number(row, "error of forces [%]")).collect();
-            assert!(errors.len() == 5 && errors[0] < 1e-3, "a factor of the step itself is exact: {errors:?}");
-            assert!(errors.windows(2).all(|pair| pair[0] < pair[1]), "{motion}, warped {warped}: {errors:?}");
-        }
-    }
-    let at = |warped: &str| {
+    let (warped, plain, gathered) = ("async, warped", "async, not warped", "precomputed, warped");
+    let errors = |motion: &str, source: &str, correction: &str| -> Vec<f64> {
         let of = |row: &&Vec<(String, String)>| {
-            text(row, "motion") == "twisting" && text(row, "warped") == warped && text(row, "age [steps]") == "30"
+            [("motion", motion), ("compliance", source), ("correction", correction)]
+                .iter()
+                .all(|(k, v)| text(row, k) == *v)
         };
-        number(rows.iter().find(of).unwrap(), "error of forces [%]")
+        rows.iter().filter(of).map(|row| number(row, "error of forces [%]")).collect()
     };
-    assert!(at("yes") < 0.2 * at("no"), "warping serves a twist: {} {}", at("yes"), at("no"));
+    for motion in ["twisting", "pressed deep"] {
+        for source in [warped, plain] {
+            let (before, after) = (errors(motion, source, "matching"), errors(motion, source, "refined"));
+            assert!(before.len() == 5 && before[0] < 1e-3, "a factor of the step itself is exact: {before:?}");
+            assert!(before.windows(2).all(|pair| pair[0] < pair[1]), "{motion}, {source}: {before:?}");
+            let better = before.iter().zip(&after).skip(1).all(|(before, after)| after < before);
+            assert!(better, "{motion}, {source}: refined forces are nearer: {before:?} {after:?}");
+        }
+        // The precomputed inverse is that of the oldest factor, but for rounding to single precision.
+        let (old, precomputed) = (errors(motion, warped, "matching")[4], errors(motion, gathered, "matching")[0]);
+        assert!((old - precomputed).abs() < 1e-3, "{motion}: {old} {precomputed}");
+    }
+    let (with, without) = (errors("twisting", warped, "matching")[4], errors("twisting", plain, "matching")[4]);
+    assert!(with < 0.2 * without, "warping serves a twist: {with} {without}");
 }
 
 #[test]

@@ -103,8 +103,9 @@ pub fn pcg(
         );
     }
 
-    let mut residual = residual(a, b, x, r) / b_norm;
-    let helps = residual <= 1.0; // false for NaN too
+    let guessed = x.iter().any(|x| *x != 0.0);
+    let mut residual = if guessed { residual(a, b, x, r) / b_norm } else { 1.0 };
+    let helps = guessed && residual <= 1.0; // false for NaN too
     if !helps {
         x.fill(0.0);
         r.copy_from_slice(b);

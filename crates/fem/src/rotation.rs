@@ -153,12 +153,6 @@ fn perpendicular(u: &Vector3<f64>) -> Vector3<f64> {
 /// Newton's iteration `R <- (R + R⁻ᵀ) / 2` [Higham 1986] where `F` is far from singular and not inverted, otherwise
 /// from [`signed_svd`]; agreement of both to rounding. The identity where `F` is zero or not finite.
 pub fn polar_rotation(F: &Matrix3<f64>) -> Matrix3<f64> {
-    // Convergence is quadratic: a change of 1e-8 leaves an error of 1e-16.
-    polar_rotation_within(F, 1e-17)
-}
-
-/// The same, ended at a squared change of `change` in a step, which leaves an error of about half of it.
-fn polar_rotation_within(F: &Matrix3<f64>, change: f64) -> Matrix3<f64> {
     let size = F.norm_squared();
     let det = F.determinant();
     // Below this ratio (1 for F with equal singular values) Newton's iteration loses digits, and SVD takes over.
@@ -174,7 +168,8 @@ fn polar_rotation_within(F: &Matrix3<f64>, change: f64) -> Matrix3<f64> {
         let next = (R + c * R.column(0).dot(&c.column(0)).recip()) * 0.5;
         let moved = (next - R).norm_squared();
         R = next;
-        if moved < change {
+        // Convergence is quadratic: a change of 1e-8 leaves an error of 1e-16.
+        if moved < 1e-17 {
             break;
         }
     }
@@ -189,16 +184,14 @@ pub fn cofactor(F: &Matrix3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[b.cross(&c), c.cross(&a), a.cross(&b)])
 }
 
-/// Squared change at which the rotation of an element is good enough for the mean at its nodes: the error of 1e-9 is far
-/// below the difference between neighbouring elements, and the mean is projected to a rotation to the last digit.
-const ELEMENT_CHANGE: f64 = 1e-9;
-
 /// Rotation of every free node from configuration `q_from` to `q_to`.
 ///
-/// For each element, and at each point of quadratic ones, the rotation of the relative deformation `F_to F_from⁻¹`; at each node their mean, weighted by rest
-/// volume, projected back to a rotation [Saupin, Duriez, Cotin, Grisoni 2008]. An element that is flat in `q_from`, or
-/// not finite, adds the identity. Lengths: `q_from`, `q_to` one position per node (m); `rotations` one matrix per free
-/// node. Runs on one thread, allocates nothing; elements are added in mesh order.
+/// The rotation nearest to the mean, over the elements at a node or the points of quadratic ones, of the relative
+/// deformation `F_to F_from⁻¹` scaled to unit norm and weighted by rest volume. Saupin, Duriez, Cotin and Grisoni (2008) take
+/// the mean of the elements' rotations, which costs a polar decomposition for each; there are four to five elements to a
+/// node, and a factor that is warped by either takes as many iterations. An element that is flat in `q_from`, or not
+/// finite, adds the identity. Lengths: `q_from`, `q_to` one position per node (m); `rotations` one matrix per free node.
+/// Runs on one thread, allocates nothing; elements are added in mesh order.
 pub fn nodal_rotations(
     model: &FemModel,
     q_from: &[Vector3<f64>],
@@ -213,7 +206,7 @@ pub fn nodal_rotations(
     for (element, nodes) in linear.iter().zip(model.free_tetrahedra()) {
         let from = element.edges(q_from);
         let to = element.edges(q_to);
-        let weighted = relative_rotation(&from, &to) * element.volume;
+        let weighted = relative_deformation(&from, &to) * element.volume;
         for &k in nodes.iter().filter(|&&k| k != FIXED) {
             rotations[k as usize] += weighted;
         }
@@ -223,7 +216,7 @@ pub fn nodal_rotations(
     }
 }
 
-/// Adds the rotations at the points of a quadratic element, each to the corner near to it and to that corner's mid-nodes.
+/// Adds the deformations at the points of a quadratic element, each to the corner near to it and to that corner's mid-nodes.
 fn add_quadratic(
     model: &FemModel,
     element: &QuadraticTetrahedron,
@@ -234,7 +227,7 @@ fn add_quadratic(
     let (from, to) = (element.deformation_gradients(q_from), element.deformation_gradients(q_to));
     let free = element.nodes.map(|i| model.free_of_node()[i as usize]);
     for k in 0..POINTS {
-        let weighted = relative_rotation(&from[k], &to[k]) * element.weights[k];
+        let weighted = relative_deformation(&from[k], &to[k]) * element.weights[k];
         let mids = EDGES.iter().zip(&free[4..]).filter(|((a, b), _)| *a == k || *b == k).map(|(_, &free)| free);
         for free in mids.chain([free[k]]).filter(|&free| free != FIXED) {
             rotations[free as usize] += weighted;
@@ -242,11 +235,12 @@ fn add_quadratic(
     }
 }
 
-/// Rotation of `to from⁻¹`; the identity where `from` is flat to rounding or an entry is not finite.
-fn relative_rotation(from: &Matrix3<f64>, to: &Matrix3<f64>) -> Matrix3<f64> {
+/// `to from⁻¹`, scaled to the norm of a rotation; the identity where `from` is flat to rounding or an entry is not finite.
+fn relative_deformation(from: &Matrix3<f64>, to: &Matrix3<f64>) -> Matrix3<f64> {
     let det = from.determinant();
-    // `from⁻¹ = cofᵀ / det`; the sign of det is kept and its size drops out of the polar decomposition.
+    // `from⁻¹ = cofᵀ / det`; the sign of det is kept and its size drops out with the scale.
     let relative = to * cofactor(from).transpose() * det.signum();
-    let regular = det.abs() > 1e-12 * from.norm().powi(3) && relative.iter().all(|x| x.is_finite());
-    if regular { polar_rotation_within(&relative, ELEMENT_CHANGE) } else { Matrix3::identity() }
+    let size = relative.norm();
+    let regular = det.abs() > 1e-12 * from.norm().powi(3) && size.is_finite() && size > 0.0;
+    if regular { relative * (3.0_f64.sqrt() / size) } else { Matrix3::identity() }
 }

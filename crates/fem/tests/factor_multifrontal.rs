@@ -68,19 +68,21 @@ fn the_first_bad_pivot_is_named_as_by_the_left_looking_factor() {
 #[test]
 fn same_bits_for_any_number_of_threads() {
     // large enough that the root front has products and panels of several tasks
-    let body = Body::block([14, 13, 12], 8);
+    let body = Body::block([17, 15, 15], 8);
     let a = body.system(9);
     let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
     let b = Random(10).vector(3 * body.free_nodes());
     let bits = |threads: Option<usize>| {
         let run = || {
-            let mut factor = Factor::new(symbolic.clone());
+            let mut factor = Factor::with_single_precision_copy(symbolic.clone());
             let report = factor.refactor(&a);
             assert_eq!(report.status, FactorStatus::Ok);
-            let mut x = b.clone();
-            assert!(factor.solve(&mut x, &mut SolveWorkspace::new(&symbolic)).is_ok());
+            let (mut x, mut y) = (b.clone(), b.clone());
+            let mut workspace = SolveWorkspace::new(&symbolic);
+            assert!(factor.solve(&mut x, &mut workspace).is_ok());
+            assert!(factor.precondition(&mut y, &mut workspace).is_ok());
             let pivots = [report.smallest_pivot, report.largest_pivot];
-            x.into_iter().chain(pivots).map(f64::to_bits).collect::<Vec<u64>>()
+            x.into_iter().chain(y).chain(pivots).map(f64::to_bits).collect::<Vec<u64>>()
         };
         match threads {
             None => run(),
@@ -123,6 +125,34 @@ fn a_copy_in_single_precision_costs_no_iterations() {
     // rounding 6e-8 times the same; and it is the copy that was used
     let difference = relative_difference(&rounded, &exact);
     assert!((1e-10..1e-4).contains(&difference), "{difference:e}");
+}
+
+#[test]
+fn the_copy_in_single_precision_solves_as_the_factor_for_any_shape_of_front() {
+    // one node; fronts whose columns and rows are no multiples of eight; a root front of one and of several panels
+    for (cells, seed) in [([1, 1, 1], 18), ([2, 1, 1], 19), ([4, 3, 5], 20), ([40, 2, 2], 21), ([17, 15, 15], 22)] {
+        let body = Body::block(cells, seed);
+        let a = body.system(seed);
+        for ordering in [
+            palpate_fem::ordering::nested_dissection(&body.pattern, &body.positions),
+            approximate_minimum_degree(&body.pattern),
+        ] {
+            let symbolic = Arc::new(SymbolicFactor::with_ordering(&body.pattern, ordering).unwrap());
+            let mut factor = Factor::with_single_precision_copy(symbolic.clone());
+            assert_eq!(factor.refactor(&a).status, FactorStatus::Ok);
+            let b = Random(seed).vector(3 * body.free_nodes());
+            let (mut x, mut y) = (b.clone(), b.clone());
+            let mut workspace = SolveWorkspace::new(&symbolic);
+            // what an earlier solve leaves in the workspace must not matter
+            let mut other = vec![1e30; b.len()];
+            assert!(factor.precondition(&mut other, &mut workspace).is_ok());
+            assert!(factor.solve(&mut x, &mut workspace).is_ok());
+            assert!(factor.precondition(&mut y, &mut workspace).is_ok());
+            // rounding of L by 6e-8, times the condition of A of some 1e3
+            let difference = relative_difference(&y, &x);
+            assert!(difference < 2e-5, "{cells:?}: {difference:e}");
+        }
+    }
 }
 
 #[test]

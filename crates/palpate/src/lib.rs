@@ -15,7 +15,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod changes;
 pub mod devices;
+mod drawn;
 mod engine;
 pub mod export;
 mod gathering;
@@ -26,6 +28,7 @@ pub mod problem_files;
 mod realtime;
 mod record;
 pub mod refresh;
+pub mod refresh_watch;
 pub mod replay;
 pub mod run;
 pub mod scene;

@@ -63,7 +63,7 @@ impl TickStage {
             };
             tick = tick.on_patches(on_patches).map_err(refused)?;
         }
-        let contacts = world.detection().max_contacts;
+        let contacts = world.tool_capacity();
         let (state, ws) = (tick.state(contacts), tick.workspace(contacts));
         Ok(Self { tick, state, ws, snapshots, poses, line, index: 0, placed: false })
     }

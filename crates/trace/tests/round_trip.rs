@@ -104,6 +104,8 @@ impl Bits {
             cuts: self.count() as u32,
             solver_attempts: self.count() as u32,
             phase: self.count() as u32,
+            rung: self.count() as i32,
+            lower_error: self.double(),
         }
     }
 }
@@ -126,8 +128,12 @@ fn step_bits(r: &StepRecord) -> Vec<u64> {
     let more = [r.correction_ns, r.snapshot_ns, r.total_ns, r.step, r.time_ns, r.factor_epoch];
     let counts =
         [r.contacts, r.cg_iterations, r.solver_sweeps, r.inverted_elements, r.filtered_elements, r.cuts, r.flags.0];
-    let counts =
-        counts.map(u64::from).into_iter().chain([r.worst_row as u64, r.solver_attempts.into(), r.phase.into()]);
+    let counts = counts.map(u64::from).into_iter().chain([
+        r.worst_row as u64,
+        r.solver_attempts.into(),
+        r.phase.into(),
+        r.rung as u64,
+    ]);
     doubles.chain(durations).chain(more).chain(counts).collect()
 }
 

@@ -14,6 +14,9 @@ use std::sync::Arc;
 
 use crate::output::say;
 
+/// Contacts for which the rungs of a ladder are compared.
+const CONTACTS: usize = 10;
+
 /// Steps that are taken for a measurement; the median is what is told.
 const STEPS: usize = 9;
 
@@ -46,6 +49,10 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
         }
     }
     row("time that a step has", Some(world.dt()), None);
+    for rung in plan.ladder.iter().flat_map(|ladder| ladder.rungs()) {
+        let name = format!("{}: compliance and correction of {CONTACTS} contacts", rung.name());
+        row(&name, Some(plan.rung_time(*rung, 3 * CONTACTS)), None);
+    }
     say(table)?;
     if let Some(hint) = other_choice(&world, &here) {
         say(hint)?;

@@ -1,7 +1,6 @@
 //! Triangular solves and products with one vector, four columns of `L` at a time.
 //!
-//! A solve reads every number of `L` once and waits for memory, so a copy of `L` in single precision is read in half the
-//! time; sums are in double precision for either. Partial sums are eight whatever the width of the machine's vectors.
+//! Partial sums are eight whatever the width of the machine's vectors.
 
 #![allow(non_snake_case)]
 
@@ -10,43 +9,18 @@ use pulp::{Arch, Simd, WithSimd};
 /// Numbers of a column that are taken at once: the widest vectors hold as many.
 const EIGHT: usize = 8;
 
-/// A number of `L` as it is stored.
-pub(super) trait Stored: Copy + Send + Sync {
-    fn value(self) -> f64;
-}
-
-impl Stored for f64 {
-    #[inline(always)]
-    fn value(self) -> f64 {
-        self
-    }
-}
-
-impl Stored for f32 {
-    #[inline(always)]
-    fn value(self) -> f64 {
-        f64::from(self)
-    }
-}
-
-/// Eight numbers in double precision.
-#[inline(always)]
-fn values<T: Stored>(stored: &[T; EIGHT]) -> [f64; EIGHT] {
-    stored.map(T::value)
-}
-
 /// Rows `rows` of some columns, which are `stride` apart in `values`.
 #[derive(Clone, Copy)]
-pub(super) struct Columns<'a, T> {
-    pub(super) values: &'a [T],
+pub(super) struct Columns<'a> {
+    pub(super) values: &'a [f64],
     pub(super) stride: usize,
     pub(super) first_row: usize,
 }
 
-impl<'a, T: Stored> Columns<'a, T> {
+impl<'a> Columns<'a> {
     /// `len` numbers of a column, from row `from` of this view.
     #[inline(always)]
-    fn column(&self, j: usize, from: usize, len: usize) -> &'a [T] {
+    fn column(&self, j: usize, from: usize, len: usize) -> &'a [f64] {
         let start = j * self.stride + self.first_row + from;
         &self.values[start..start + len]
     }
@@ -63,31 +37,31 @@ impl<'a, T: Stored> Columns<'a, T> {
 }
 
 /// `x <- L⁻¹ x` for the lower triangle at the top of the columns.
-pub(super) fn solve_lower<T: Stored>(arch: Arch, L: Columns<'_, T>, x: &mut [f64]) {
+pub(super) fn solve_lower(arch: Arch, L: Columns<'_>, x: &mut [f64]) {
     arch.dispatch(SolveLower { L, x });
 }
 
 /// `x <- L⁻ᵀ x`.
-pub(super) fn solve_upper<T: Stored>(arch: Arch, L: Columns<'_, T>, x: &mut [f64]) {
+pub(super) fn solve_upper(arch: Arch, L: Columns<'_>, x: &mut [f64]) {
     arch.dispatch(SolveUpper { L, x });
 }
 
 /// `y <- y - L x` for as many rows as `y` and as many columns as `x` has.
-pub(super) fn subtract_product<T: Stored>(arch: Arch, L: Columns<'_, T>, x: &[f64], y: &mut [f64]) {
+pub(super) fn subtract_product(arch: Arch, L: Columns<'_>, x: &[f64], y: &mut [f64]) {
     arch.dispatch(SubtractProduct { L, x, y });
 }
 
 /// `x <- x - Lᵀ y`.
-pub(super) fn subtract_transposed<T: Stored>(arch: Arch, L: Columns<'_, T>, y: &[f64], x: &mut [f64]) {
+pub(super) fn subtract_transposed(arch: Arch, L: Columns<'_>, y: &[f64], x: &mut [f64]) {
     arch.dispatch(SubtractTransposed { L, x, y });
 }
 
-struct SolveLower<'a, T> {
-    L: Columns<'a, T>,
+struct SolveLower<'a> {
+    L: Columns<'a>,
     x: &'a mut [f64],
 }
 
-impl<T: Stored> WithSimd for SolveLower<'_, T> {
+impl WithSimd for SolveLower<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -98,10 +72,10 @@ impl<T: Stored> WithSimd for SolveLower<'_, T> {
             let width = (n - j).min(4);
             for k in j..j + width {
                 let column = L.column(k, k, j + width - k);
-                let pivot = x[k] / column[0].value();
+                let pivot = x[k] / column[0];
                 x[k] = pivot;
                 for (x, l) in x[k + 1..j + width].iter_mut().zip(&column[1..]) {
-                    *x -= l.value() * pivot;
+                    *x -= l * pivot;
                 }
             }
             let (known, rest) = x.split_at_mut(j + width);
@@ -110,12 +84,12 @@ impl<T: Stored> WithSimd for SolveLower<'_, T> {
     }
 }
 
-struct SolveUpper<'a, T> {
-    L: Columns<'a, T>,
+struct SolveUpper<'a> {
+    L: Columns<'a>,
     x: &'a mut [f64],
 }
 
-impl<T: Stored> WithSimd for SolveUpper<'_, T> {
+impl WithSimd for SolveUpper<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -128,20 +102,20 @@ impl<T: Stored> WithSimd for SolveUpper<'_, T> {
             subtract_dots(simd, L.after(j).below(j + width), rest, &mut known[j..]);
             for k in (j..j + width).rev() {
                 let column = L.column(k, k, j + width - k);
-                let sum: f64 = x[k + 1..j + width].iter().zip(&column[1..]).map(|(x, l)| x * l.value()).sum();
-                x[k] = (x[k] - sum) / column[0].value();
+                let sum: f64 = x[k + 1..j + width].iter().zip(&column[1..]).map(|(x, l)| x * l).sum();
+                x[k] = (x[k] - sum) / column[0];
             }
         }
     }
 }
 
-struct SubtractProduct<'a, T> {
-    L: Columns<'a, T>,
+struct SubtractProduct<'a> {
+    L: Columns<'a>,
     x: &'a [f64],
     y: &'a mut [f64],
 }
 
-impl<T: Stored> WithSimd for SubtractProduct<'_, T> {
+impl WithSimd for SubtractProduct<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -152,13 +126,13 @@ impl<T: Stored> WithSimd for SubtractProduct<'_, T> {
     }
 }
 
-struct SubtractTransposed<'a, T> {
-    L: Columns<'a, T>,
+struct SubtractTransposed<'a> {
+    L: Columns<'a>,
     x: &'a mut [f64],
     y: &'a [f64],
 }
 
-impl<T: Stored> WithSimd for SubtractTransposed<'_, T> {
+impl WithSimd for SubtractTransposed<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -171,24 +145,23 @@ impl<T: Stored> WithSimd for SubtractTransposed<'_, T> {
 
 /// `y <- y - L x` for up to four columns.
 #[inline(always)]
-fn subtract<S: Simd, T: Stored>(simd: S, L: Columns<'_, T>, x: &[f64], y: &mut [f64]) {
+fn subtract<S: Simd>(simd: S, L: Columns<'_>, x: &[f64], y: &mut [f64]) {
     let n = y.len();
     if n == 0 {
         return;
     }
     let &[x0, x1, x2, x3] = x else {
         for (j, x) in x.iter().enumerate() {
-            y.iter_mut().zip(L.column(j, 0, n)).for_each(|(y, l)| *y -= l.value() * x);
+            y.iter_mut().zip(L.column(j, 0, n)).for_each(|(y, l)| *y -= l * x);
         }
         return;
     };
     let (a, b, c, d) = (L.column(0, 0, n), L.column(1, 0, n), L.column(2, 0, n), L.column(3, 0, n));
     let factor = [x0, x1, x2, x3].map(|x| simd.splat_f64s(-x));
     let tail = n - n % EIGHT;
-    let eights = y.as_chunks_mut::<EIGHT>().0.iter_mut().zip(a.as_chunks().0).zip(b.as_chunks().0);
-    for ((((y, a), b), c), d) in eights.zip(c.as_chunks().0).zip(d.as_chunks().0) {
-        let l = [values(a), values(b), values(c), values(d)];
-        let [a, b, c, d] = l.each_ref().map(|l| S::as_simd_f64s(l).0);
+    let eights = y.as_chunks_mut::<EIGHT>().0.iter_mut().zip(a.as_chunks::<EIGHT>().0).zip(b.as_chunks::<EIGHT>().0);
+    for ((((y, a), b), c), d) in eights.zip(c.as_chunks::<EIGHT>().0).zip(d.as_chunks::<EIGHT>().0) {
+        let [a, b, c, d] = [a, b, c, d].map(|l| S::as_simd_f64s(l).0);
         for (k, y) in S::as_mut_simd_f64s(y).0.iter_mut().enumerate() {
             let first = simd.mul_add_e_f64s(a[k], factor[0], simd.mul_add_e_f64s(b[k], factor[1], *y));
             let second = simd.mul_add_e_f64s(c[k], factor[2], simd.mul_f64s(d[k], factor[3]));
@@ -196,13 +169,13 @@ fn subtract<S: Simd, T: Stored>(simd: S, L: Columns<'_, T>, x: &[f64], y: &mut [
         }
     }
     for i in tail..n {
-        y[i] -= (a[i].value() * x0 + b[i].value() * x1) + (c[i].value() * x2 + d[i].value() * x3);
+        y[i] -= (a[i] * x0 + b[i] * x1) + (c[i] * x2 + d[i] * x3);
     }
 }
 
 /// `x <- x - Lᵀ y` for up to four columns.
 #[inline(always)]
-fn subtract_dots<S: Simd, T: Stored>(simd: S, L: Columns<'_, T>, y: &[f64], x: &mut [f64]) {
+fn subtract_dots<S: Simd>(simd: S, L: Columns<'_>, y: &[f64], x: &mut [f64]) {
     let n = y.len();
     if n == 0 {
         return;
@@ -216,10 +189,9 @@ fn subtract_dots<S: Simd, T: Stored>(simd: S, L: Columns<'_, T>, y: &[f64], x: &
     let (a, b, c, d) = (L.column(0, 0, n), L.column(1, 0, n), L.column(2, 0, n), L.column(3, 0, n));
     // as many of the eight places as eight numbers fill vectors
     let mut sums = [[simd.splat_f64s(0.0); EIGHT]; 4];
-    let eights = y.as_chunks::<EIGHT>().0.iter().zip(a.as_chunks().0).zip(b.as_chunks().0);
-    for ((((y, a), b), c), d) in eights.zip(c.as_chunks().0).zip(d.as_chunks().0) {
-        let l = [values(a), values(b), values(c), values(d)];
-        let l = l.each_ref().map(|l| S::as_simd_f64s(l).0);
+    let eights = y.as_chunks::<EIGHT>().0.iter().zip(a.as_chunks::<EIGHT>().0).zip(b.as_chunks::<EIGHT>().0);
+    for ((((y, a), b), c), d) in eights.zip(c.as_chunks::<EIGHT>().0).zip(d.as_chunks::<EIGHT>().0) {
+        let l = [a, b, c, d].map(|l| S::as_simd_f64s(l).0);
         for (k, y) in S::as_simd_f64s(y).0.iter().enumerate() {
             for (sums, l) in sums.iter_mut().zip(l) {
                 sums[k] = simd.mul_add_e_f64s(l[k], *y, sums[k]);
@@ -237,6 +209,6 @@ fn subtract_dots<S: Simd, T: Stored>(simd: S, L: Columns<'_, T>, y: &[f64], x: &
 }
 
 #[inline(always)]
-fn dot<T: Stored>(column: &[T], y: &[f64]) -> f64 {
-    column.iter().zip(y).map(|(l, y)| l.value() * y).sum()
+fn dot(column: &[f64], y: &[f64]) -> f64 {
+    column.iter().zip(y).map(|(l, y)| l * y).sum()
 }

@@ -22,12 +22,16 @@ mod left_looking;
 mod low_rank;
 mod multifrontal;
 mod numeric;
+mod packed;
+mod packed_fronts;
+mod packed_kernels;
 mod permuted_blocks;
 pub mod reach;
 mod solve;
 mod substitution;
 mod supernodal_tree;
 mod symbolic;
+mod walk;
 mod workers;
 
 pub use change::{ChangeStatus, MatrixChange};

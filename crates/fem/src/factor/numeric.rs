@@ -8,7 +8,6 @@ use faer::sparse::linalg::cholesky::supernodal;
 use super::low_rank::LowRankUpdate;
 use super::multifrontal::{self, Fault};
 use super::symbolic::SymbolicFactor;
-use super::workers::join;
 use crate::sparse::SystemMatrix;
 
 /// Numbers every successful refactorisation in the process, so that half solves are never paired with another factor.
@@ -20,9 +19,6 @@ fn next_revision() -> u64 {
 
 /// Squares of pivots (unit of `A`) that single precision holds with room to spare: its numbers reach from 1e-38 to 3e38.
 const SOUND: std::ops::RangeInclusive<f64> = 1e-40..=1e40;
-
-/// Numbers that are rounded in one piece.
-const ROUND_AT_ONCE: usize = 1 << 18;
 
 /// How a refactorisation ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,7 +59,7 @@ pub struct FactorReport {
 pub struct Factor {
     symbolic: Arc<SymbolicFactor>,
     values: Vec<f64>,
-    /// `L` in single precision, where a copy is kept.
+    /// `L` in single precision and in the order of a solve, where a copy is kept.
     single: Option<Vec<f32>>,
     /// Whether the numbers of this factor lie well within its range.
     single_is_sound: bool,
@@ -103,7 +99,7 @@ impl Factor {
 
     /// The same, and every refactorisation leaves a copy of `L` in single precision for [`Self::precondition`].
     pub fn with_single_precision_copy(symbolic: Arc<SymbolicFactor>) -> Self {
-        let single = Some(vec![0.0; symbolic.stored_values()]);
+        let single = Some(vec![0.0; symbolic.packed().len()]);
         Self { single, ..Self::new(symbolic) }
     }
 
@@ -147,7 +143,7 @@ impl Factor {
         // a non-finite entry in row i of L would have made pivot i fail, so L is finite here
         let (smallest, largest) = self.pivot_range();
         if let Some(single) = &mut self.single {
-            round(&self.values, single);
+            self.symbolic.packed().pack(self.symbolic.tree(), &self.values, single);
             // no entry of L is larger than the root of the largest diagonal entry of A, of which pivots tell the order
             self.single_is_sound = SOUND.contains(&smallest) && SOUND.contains(&largest);
         }
@@ -189,15 +185,5 @@ impl Factor {
 
     pub(super) fn llt(&self) -> supernodal::SupernodalLltRef<'_, u32, f64> {
         supernodal::SupernodalLltRef::new(self.symbolic.supernodes(), &self.values)
-    }
-}
-
-fn round(values: &[f64], single: &mut [f32]) {
-    if values.len() > ROUND_AT_ONCE {
-        let half = values.len() / 2;
-        let (low, high) = single.split_at_mut(half);
-        join(|| round(&values[..half], low), || round(&values[half..], high));
-    } else {
-        single.iter_mut().zip(values).for_each(|(single, value)| *single = *value as f32);
     }
 }

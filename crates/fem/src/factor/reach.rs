@@ -12,6 +12,7 @@ use nalgebra::DMatrixViewMut;
 use super::half_block::{BLOCK_ROWS, HalfBlock, INACTIVE};
 use super::low_rank::{scratch_of_compliance, scratch_of_solve};
 use super::numeric::Factor;
+use super::packed_fronts;
 use super::solve::{SolveStatus, permute_back};
 use super::substitution;
 use super::symbolic::SymbolicFactor;
@@ -65,8 +66,8 @@ pub struct ReachWorkspace {
     pub(super) sorted: Vec<u32>,
     lambda: Vec<f64>,
     permuted: Vec<f64>,
-    /// Rows below each front, for the correction.
-    below: Vec<f64>,
+    /// Rows below each front, or all rows of each front as they are packed, for the correction.
+    front_rows: Vec<f64>,
     /// For the part of a change since the factorisation.
     change: Vec<f64>,
     widest_pattern: usize,
@@ -89,7 +90,7 @@ impl ReachWorkspace {
             sorted: Vec::with_capacity(max_rows),
             lambda: vec![0.0; max_rows],
             permuted: vec![0.0; symbolic.degrees_of_freedom()],
-            below: vec![0.0; symbolic.rows_below()],
+            front_rows: vec![0.0; symbolic.packed().rows()],
             widest_pattern: symbolic.tree().widest_pattern(),
             change: vec![0.0; change_scratch(symbolic, max_rows)],
             rows: 0,
@@ -173,7 +174,7 @@ impl Factor {
             return Err(ReachStatus::InvalidFactor);
         }
         if workspace.permuted.len() != symbolic.degrees_of_freedom()
-            || workspace.below.len() != symbolic.rows_below()
+            || workspace.front_rows.len() != symbolic.packed().rows()
             || workspace.blocks.first().is_some_and(|block| block.active.len() != symbolic.supernode_count())
             || workspace.widest_pattern < symbolic.tree().widest_pattern()
             || workspace.change.len() < change_scratch(symbolic, workspace.max_rows)
@@ -215,6 +216,22 @@ impl Factor {
     ///
     /// `lambda` has one entry per row, `x` length `3 n`. Allocates nothing.
     pub fn correct(&self, lambda: &[f64], x: &mut [f64], workspace: &mut ReachWorkspace) -> SolveStatus {
+        self.correct_by(None, lambda, x, workspace)
+    }
+
+    /// As [`Self::correct`], by the copy of `L` in single precision where there is one: a relative error of about 1e-7 times
+    /// the condition of `A`. For what conjugate gradients start from.
+    pub fn guess_correction(&self, lambda: &[f64], x: &mut [f64], workspace: &mut ReachWorkspace) -> SolveStatus {
+        self.correct_by(self.single(), lambda, x, workspace)
+    }
+
+    fn correct_by(
+        &self,
+        packed: Option<&[f32]>,
+        lambda: &[f64],
+        x: &mut [f64],
+        workspace: &mut ReachWorkspace,
+    ) -> SolveStatus {
         if !self.is_valid() {
             return SolveStatus::InvalidFactor;
         }
@@ -233,7 +250,11 @@ impl Factor {
         for (block, lambda) in blocks.iter().zip(lambda.chunks(size)) {
             block.add_combination(self.symbolic(), lambda, &mut workspace.permuted);
         }
-        substitution::backward(self.symbolic(), self.values(), &mut workspace.permuted, &mut workspace.below);
+        let (permuted, rows) = (&mut workspace.permuted, &mut workspace.front_rows);
+        match packed {
+            Some(packed) => packed_fronts::backward(self.symbolic(), packed, permuted, rows),
+            None => substitution::backward(self.symbolic(), self.values(), permuted, rows),
+        }
         permute_back(&self.symbolic().ordering().old_of_new, &workspace.permuted, x);
         if let Some(update) = self.changed() {
             update.finish_solve(x, &mut workspace.change);

@@ -3,9 +3,9 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::{Conj, MatMut, Par};
 
-use super::column_kernels::Stored;
 use super::low_rank::scratch_of_solve;
 use super::numeric::Factor;
+use super::packed_fronts;
 use super::substitution;
 use super::symbolic::SymbolicFactor;
 
@@ -33,8 +33,8 @@ impl SolveStatus {
 /// Scratch of full solves, for one thread.
 pub struct SolveWorkspace {
     permuted: Vec<f64>,
-    /// Rows below each front.
-    below: Vec<f64>,
+    /// Rows below each front, or all rows of each front as they are packed.
+    rows: Vec<f64>,
     memory: MemBuffer,
     columns: usize,
     /// Rows below a supernode that `memory` suffices for.
@@ -54,7 +54,7 @@ impl SolveWorkspace {
         Self {
             permuted: vec![0.0; symbolic.degrees_of_freedom() * columns],
             memory: MemBuffer::new(symbolic.supernodes().solve_in_place_scratch::<f64>(columns, Par::Seq)),
-            below: vec![0.0; symbolic.rows_below()],
+            rows: vec![0.0; symbolic.packed().rows()],
             columns,
             widest_pattern: symbolic.tree().widest_pattern(),
             change: vec![0.0; scratch_of_solve(symbolic.change_capacity())],
@@ -66,26 +66,21 @@ impl Factor {
     /// `x ← A⁻¹ x`, a vector of length `3 n` in the body's own order. Allocates nothing. On a worker of a pool, independent
     /// subtrees are solved side by side; the bits do not depend on it.
     pub fn solve(&self, x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
-        self.solve_with(self.values(), x, workspace)
+        self.solve_by(None, x, workspace)
     }
 
     /// As [`Self::solve`], by the copy of `L` in single precision where there is one: a relative error of about 1e-7 times
-    /// the condition of `A`, in half the time where `L` does not fit in the caches. For preconditioners.
-    ///
-    /// One such solve takes, on one core that shares its memory with a busy machine (medians of ten), 1.1 ms instead of
-    /// 3.2 ms on a cube of 2,940 nodes, and 8.4 ms instead of 10.4 ms on one of 8,000; the iterations are the same.
+    /// the condition of `A`, and half the bytes in the order in which they are wanted. For preconditioners.
     pub fn precondition(&self, x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
-        match self.single() {
-            Some(single) => self.solve_with(single, x, workspace),
-            None => self.solve_with(self.values(), x, workspace),
-        }
+        self.solve_by(self.single(), x, workspace)
     }
 
-    fn solve_with<T: Stored>(&self, values: &[T], x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
+    /// By the packed copy, or the stored values.
+    fn solve_by(&self, packed: Option<&[f32]>, x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
         let symbolic = self.symbolic();
         let n = symbolic.degrees_of_freedom();
         let fits = workspace.permuted.len() >= n
-            && workspace.below.len() == symbolic.rows_below()
+            && workspace.rows.len() == symbolic.packed().rows()
             && workspace.change.len() == scratch_of_solve(symbolic.change_capacity());
         if x.len() != n || !fits {
             return SolveStatus::WrongSize;
@@ -95,8 +90,13 @@ impl Factor {
         }
         let permuted = &mut workspace.permuted[..n];
         permute(&symbolic.ordering().old_of_new, x, permuted);
-        substitution::forward(symbolic, values, permuted, &mut workspace.below);
-        substitution::backward(symbolic, values, permuted, &mut workspace.below);
+        if let Some(packed) = packed {
+            packed_fronts::forward(symbolic, packed, permuted, &mut workspace.rows);
+            packed_fronts::backward(symbolic, packed, permuted, &mut workspace.rows);
+        } else {
+            substitution::forward(symbolic, self.values(), permuted, &mut workspace.rows);
+            substitution::backward(symbolic, self.values(), permuted, &mut workspace.rows);
+        }
         permute_back(&symbolic.ordering().old_of_new, permuted, x);
         if let Some(update) = self.changed() {
             update.finish_solve(x, &mut workspace.change);

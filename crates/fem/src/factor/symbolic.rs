@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 
 use super::arena::Arena;
 use super::numeric::FactorStatus;
+use super::packed::PackedLayout;
 use super::permuted_blocks::{PermutedBlocks, Triangle};
 use super::supernodal_tree::SupernodeTree;
 use crate::ordering::{NodeOrdering, nested_dissection, postordered};
@@ -64,6 +65,7 @@ pub struct SymbolicFactor {
     supernodes: supernodal::SymbolicSupernodalCholesky<u32>,
     tree: SupernodeTree,
     arena: Arena,
+    packed: PackedLayout,
     blocks: usize,
     nonzeros: usize,
     flops: f64,
@@ -72,6 +74,9 @@ pub struct SymbolicFactor {
 
 impl SymbolicFactor {
     /// Orders by nested dissection of `positions` (in m, one per free node) and analyses. Takes milliseconds to seconds.
+    ///
+    /// # Errors
+    /// [`FactorError::PositionCount`], and as [`SymbolicFactor::with_ordering`].
     pub fn new(pattern: &BlockPattern, positions: &[Vector3<f64>]) -> Result<Self, FactorError> {
         if positions.len() != pattern.rows() {
             return Err(FactorError::PositionCount { positions: positions.len(), nodes: pattern.rows() });
@@ -81,6 +86,10 @@ impl SymbolicFactor {
 
     /// Analyses under a given ordering, or the postorder of its elimination tree if it is not one already (those of
     /// [`crate::ordering`] are): the fill is the same, and subtrees lie in one piece.
+    ///
+    /// # Errors
+    /// [`FactorError::NoFreeNodes`], [`FactorError::OrderingCount`], [`FactorError::MissingDiagonal`],
+    /// [`FactorError::TooLarge`].
     pub fn with_ordering(pattern: &BlockPattern, ordering: NodeOrdering) -> Result<Self, FactorError> {
         let nodes = pattern.rows();
         if nodes == 0 {
@@ -126,6 +135,7 @@ impl SymbolicFactor {
         Ok(Self {
             place: places(&permuted, &tree, &supernodes),
             arena: Arena::new(&tree),
+            packed: PackedLayout::new(&tree),
             tree,
             supernodes,
             column_start: permuted.column_start,
@@ -176,6 +186,11 @@ impl SymbolicFactor {
         self.nonzeros
     }
 
+    /// Numbers in the copy of `L` in single precision, zeros that fill up its tiles included.
+    pub fn packed_values(&self) -> usize {
+        self.packed.len()
+    }
+
     /// Numbers that a [`Factor`](super::Factor) stores for `L`, zeros of supernodes included.
     pub fn stored_values(&self) -> usize {
         self.supernodes.len_val()
@@ -199,13 +214,13 @@ impl SymbolicFactor {
         &self.supernodes
     }
 
-    /// Rows below the own block of every supernode, all together.
-    pub(super) fn rows_below(&self) -> usize {
-        self.tree.pattern_start(self.tree.len())
-    }
-
     pub(super) fn arena(&self) -> &Arena {
         &self.arena
+    }
+
+    /// Where the copies in single precision have the fronts.
+    pub(super) fn packed(&self) -> &PackedLayout {
+        &self.packed
     }
 
     /// True if `a` has the size that was analysed.

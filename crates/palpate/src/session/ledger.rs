@@ -94,7 +94,7 @@ impl Observer for Ledger {
         s.steps += 1;
         s.factors = report.factor_epoch + 1;
         s.step_overruns += u64::from(report.overruns);
-        s.contacts_dropped += report.detection.dropped as u64;
+        s.contacts_dropped += report.dropped();
         s.contacts = report.active as u32;
         s.factor_age = report.factor_age;
     }
@@ -114,5 +114,44 @@ impl Observer for Ledger {
         s.refused += u64::from(any(&[TickFlags::BAD_POSE, TickFlags::NON_FINITE]));
         s.largest_force = s.largest_force.max(record.wrench.force.norm());
         s.largest_jump = s.largest_jump.max(record.force_jump);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::scene::Scene;
+    use crate::simulation::Simulation;
+
+    /// A block on a floor that has room for four of its twenty-five nodes.
+    const CROWDED: &str = r#"
+        name = "crowded"
+        [[body]]
+        name = "block"
+        block = { min = [0, 0, 0], max = [0.04, 0.04, 0.04], cells = [4, 4, 2] }
+        material = { law = "neo_hookean", young = 5e3, poisson = 0.4 }
+        [[fixed_body]]
+        name = "floor"
+        shape = { kind = "plane", normal = [0, 0, 1] }
+        max_contacts = 4
+        [[tool]]
+        name = "ball"
+        shape = { kind = "sphere", radius = 0.005 }
+        [hand]
+        path = [{ time = 0.0, position = [0.02, 0.02, 0.3] }]
+    "#;
+
+    #[test]
+    fn contacts_of_other_bodies_without_room_are_counted() {
+        let world = Scene::from_toml(CROWDED, Path::new("")).unwrap().build().unwrap();
+        let mut simulation = Simulation::new(&world).unwrap();
+        let report = simulation.step(&world.first_pose());
+        let mut ledger = Ledger::new();
+        ledger.step(&report);
+        ledger.step(&report);
+        assert_eq!((report.detection.dropped, report.dropped()), (0, 21));
+        assert_eq!(ledger.statistics().contacts_dropped, 2 * 21);
     }
 }

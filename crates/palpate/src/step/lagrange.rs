@@ -6,7 +6,7 @@ use palpate_solver::report::SolveReport;
 
 use super::StepWorkspace;
 use super::direct::{DirectMethod, DirectStage};
-use super::stages::NOT_SOLVED;
+use super::forces::NOT_SOLVED;
 
 /// The system matrix as Clarabel takes it: the upper triangle by columns.
 pub(super) struct LagrangeStage {

@@ -10,8 +10,8 @@ use palpate_fem::sparse::SystemMatrix;
 use palpate_solver::report::{SolveReport, SolveStatus};
 
 use super::direct::{DirectMethod, DirectStage};
+use super::forces::NOT_SOLVED;
 use super::preconditioner::StepPreconditioner;
-use super::stages::NOT_SOLVED;
 use super::{StepInput, StepState, StepWorkspace};
 use crate::world::World;
 

@@ -1,13 +1,12 @@
-//! State and workspace of the step: what is the simulation, and what may be thrown away.
+//! Workspace of the step: what may be thrown away.
 
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use palpate_collision::broad_phase::SurfaceGeometry;
-use palpate_collision::contact::ContactSet;
 use palpate_collision::detection::DetectionWorkspace;
 use palpate_constraints::compliance::ComplianceWorkspace;
 use palpate_constraints::lumped::LumpedInverse;
+use palpate_constraints::precomputed::PrecomputedWorkspace;
 use palpate_constraints::rows::ContactRows;
-use palpate_constraints::warm_start::WarmStart;
 use palpate_fem::assembly::FemWorkspace;
 use palpate_fem::factor::{Factor, ReachWorkspace, SolveWorkspace, SymbolicFactor};
 use palpate_fem::integrator::explicit::ExplicitWorkspace;
@@ -15,117 +14,26 @@ use palpate_fem::integrator::newton::ImplicitWorkspace;
 use palpate_fem::model::{FemModel, FemState};
 use palpate_fem::nodal_rows::NodalRows;
 use palpate_fem::pcg::PcgWorkspace;
-use palpate_rigid::RigidState;
 use palpate_solver::automatic::AutomaticConfig;
 use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::solver::{Solver, SolverWorkspace};
 use std::sync::Arc;
 
-use super::bodies::{self, PairForce, PairState, RigidStage};
+use super::bodies::{self, PairForce};
 use super::change::ChangeStage;
+use super::climb::probe_room;
 use super::direct::DirectStage;
+use super::first_inverse::FirstInverse;
+use super::obstacles::ObstacleStage;
 use super::patch::PatchStage;
 use super::refinement::RefinementWorkspace;
+use super::rigid::RigidStage;
 use crate::problem_files::ProblemFiles;
 use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
 
 /// Rows of a contact with friction.
 pub(super) const ROWS: usize = 3;
-
-/// The simulation: everything that a later step depends on.
-pub struct StepState {
-    /// Number of the next step, from 0.
-    pub step: u64,
-    /// Positions and velocities of all nodes.
-    pub fem: FemState,
-    /// Pose of the tool in the last step.
-    pub tool: Option<Isometry3<f64>>,
-    /// Forces of the last step by surface feature.
-    pub warm_start: WarmStart,
-    /// Steps that are still taken exactly because an earlier one missed the scene's accuracy.
-    pub exact_steps: u32,
-    /// Contacts of the last step; they carry the side from which the tool came.
-    pub contacts: ContactSet,
-    /// The rigid bodies, in the order of the scene.
-    pub rigid: Vec<RigidState>,
-    /// What is remembered of each pair of bodies besides tissue and tool.
-    pub(super) pairs: Vec<PairState>,
-    /// The state before the last step, to which a failed step returns.
-    pub(super) before: FemState,
-    rigid_before: Vec<RigidState>,
-    /// Events so far.
-    pub(super) phase: usize,
-    /// For each phase the step at which it began.
-    pub(super) began: Vec<u64>,
-    /// Where the body was when the run began: indentation is measured from here (m).
-    pub(super) rest: Vec<Vector3<f64>>,
-}
-
-impl StepState {
-    /// The state before the first step, with the body as `rest`.
-    pub fn new(world: &World, rest: FemState) -> Self {
-        let capacity = world.detection().max_contacts;
-        Self {
-            step: 0,
-            tool: None,
-            exact_steps: 0,
-            warm_start: WarmStart::with_capacity(capacity),
-            contacts: ContactSet::with_capacity(capacity),
-            rigid: world.bodies().rigid.iter().map(|body| body.start).collect(),
-            rigid_before: world.bodies().rigid.iter().map(|body| body.start).collect(),
-            pairs: world.bodies().pairs.iter().map(PairState::new).collect(),
-            before: rest.clone(),
-            phase: 0,
-            began: vec![0; world.changes().len() + 1],
-            rest: rest.q.clone(),
-            fem: rest,
-        }
-    }
-
-    /// Positions of all nodes before the last step (m): the configuration that its system matrix belongs to.
-    pub fn before(&self) -> &[Vector3<f64>] {
-        &self.before.q
-    }
-
-    /// Where the body was when the run began (m).
-    pub fn rest(&self) -> &[Vector3<f64>] {
-        &self.rest
-    }
-
-    /// Events so far: the body is that of [`World::phase`] of this number.
-    pub fn phase(&self) -> usize {
-        self.phase
-    }
-
-    /// The phase whose matrix a factor is of. The first factor is made before the first event, even one at time 0.
-    pub(super) fn phase_of(&self, factor: &FactorSample) -> usize {
-        let since = |phase: &usize| self.began.get(*phase).is_some_and(|began| *began <= factor.step);
-        match factor.renewed {
-            0 if factor.epoch == 0 => 0,
-            0 => (0..=self.phase).rev().find(since).unwrap_or(0),
-            renewed => renewed,
-        }
-    }
-
-    pub(super) fn remember(&mut self) {
-        self.before.q.copy_from_slice(&self.fem.q);
-        self.before.v.copy_from_slice(&self.fem.v);
-        self.before.memory.copy_from_slice(&self.fem.memory);
-        self.rigid_before.copy_from_slice(&self.rigid);
-    }
-
-    /// Puts all bodies back to the state before the step, at rest.
-    pub(super) fn roll_back(&mut self) {
-        self.fem.q.copy_from_slice(&self.before.q);
-        self.fem.memory.copy_from_slice(&self.before.memory);
-        self.fem.v.fill(Vector3::zeros());
-        self.warm_start.clear();
-        self.rigid.iter_mut().zip(&self.rigid_before).for_each(|(now, before)| *now = before.at_rest());
-        self.pairs.iter_mut().for_each(PairState::forget);
-        self.contacts.held.clear();
-    }
-}
 
 /// Scratch of steps by Newton's method.
 pub(super) struct NewtonStage {
@@ -190,7 +98,13 @@ pub struct StepWorkspace {
     pub(super) rows: ContactRows,
     /// Rows of contacts on fixed skin, which only the tick can give a force: there the tool yields.
     pub(super) fixed_rows: ContactRows,
-    pub(super) compliance: ComplianceWorkspace<ReachWorkspace>,
+    /// The same at fixed bodies.
+    pub(super) obstacles: ObstacleStage,
+    pub(super) compliance: ComplianceWorkspace<PrecomputedWorkspace>,
+    /// The inverse of the first matrix, where the plan wants it.
+    pub(super) first: Option<FirstInverse>,
+    /// What another rung of the ladder would have answered.
+    pub(super) probe: Vec<f64>,
     pub(super) problem: ConstraintProblem,
     pub(super) lambda: Vec<f64>,
     /// Rigid bodies, and the blocks of each pair of bodies.
@@ -223,7 +137,7 @@ pub struct StepWorkspace {
     pub(super) patch: Option<PatchStage>,
     /// Configurations that the guard tries.
     pub(super) trial: FemState,
-    /// Newton's method for quadratic tissue in trouble.
+    /// Newton's method for tissue in trouble.
     pub(super) rescue: Option<ImplicitWorkspace>,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
@@ -259,6 +173,11 @@ impl StepWorkspace {
         &self.problem
     }
 
+    /// Precomputes what the plan wants of the first factor; called with it before the first step.
+    pub(crate) fn precompute(&mut self, world: &World, first: &FactorSample) {
+        self.first = FirstInverse::new(world, first, &mut self.compliance);
+    }
+
     /// Memory for the world's body and its largest number of contacts.
     pub fn new(world: &World) -> Self {
         let (model, symbolic) = (world.model(), world.symbolic());
@@ -288,6 +207,8 @@ impl StepWorkspace {
             }
         }
         let fem = FemWorkspace::new(model);
+        let reach = ReachWorkspace::new(symbolic, compliance_rows);
+        let inverse = PrecomputedWorkspace::new(reach, SolveWorkspace::new(symbolic));
         Self {
             newton,
             explicit,
@@ -306,8 +227,11 @@ impl StepWorkspace {
             detection: DetectionWorkspace::new(world.geometry()),
             rows: ContactRows::with_capacity(contacts),
             fixed_rows: ContactRows::with_capacity(world.detection().max_contacts),
+            obstacles: ObstacleStage::new(world),
             rigid: RigidStage::new(world),
-            compliance: ComplianceWorkspace::new(compliance_rows, ReachWorkspace::new(symbolic, compliance_rows)),
+            compliance: ComplianceWorkspace::new(compliance_rows, inverse),
+            first: None,
+            probe: probe_room(world),
             problem: ConstraintProblem::with_capacity(rows),
             lambda: vec![0.0; rows],
             solver,

@@ -3,8 +3,8 @@
 #![allow(dead_code)] // each test uses its part
 
 use palpate_trace::{
-    Attachment, BodyGeometry, FactorRecord, FactorStatus, FactorTrace, LogLevel, LogRecord, RigidRecord, SolidGeometry,
-    StepFlags, StepRecord, StepTrace, TickFlags, TickRecord, TickTrace, ToolShape, TraceConfig,
+    Attachment, BodyGeometry, FactorRecord, FactorStatus, FactorTrace, LogLevel, LogRecord, Offer, RigidRecord,
+    SolidGeometry, StepFlags, StepRecord, StepTrace, TickFlags, TickRecord, TickTrace, ToolShape, TraceConfig,
 };
 
 pub(crate) const TICKS_PER_STEP: u64 = 33;
@@ -119,7 +119,7 @@ pub(crate) fn push_step(k: u64, ticks: &mut TickTrace, steps: &mut StepTrace, fa
     }
     let record = step(k);
     taken &= steps.push(record);
-    taken &= steps.push_positions(record.time_ns, |out| out.copy_from_slice(&positions(k)));
+    taken &= steps.push_positions(record.time_ns, None, |out| out.copy_from_slice(&positions(k))) != Offer::Dropped;
     if k % 3 == 2 {
         taken &= factors.push(factor(1 + k / 3));
     }
