@@ -42,15 +42,14 @@ struct Region {
     rate: f64,
 }
 
-/// The methods; the last is as good as it can be made.
+/// The methods, and whether the passivity controller acts.
 const METHODS: [(Method, bool); 4] =
     [(Method::Local, false), (Method::Frozen, false), (Method::Held, false), (Method::Held, true)];
 
 impl Region {
     /// Name of what the tick does.
     fn method(&self) -> String {
-        let control = if self.controlled { ", passivity controlled" } else { "" };
-        format!("{}{control}", self.method.name())
+        if self.controlled { "force held, passivity on".into() } else { self.method.name().into() }
     }
 }
 
