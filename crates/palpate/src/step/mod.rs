@@ -34,6 +34,7 @@ mod newton;
 mod patch;
 mod penalty;
 mod preconditioner;
+mod prediction;
 mod refinement;
 mod report;
 mod stages;

@@ -7,6 +7,7 @@ use palpate_fem::model::FemState;
 use palpate_rigid::RigidState;
 
 use super::bodies::PairState;
+use super::prediction::Prediction;
 use crate::refresh::FactorSample;
 use crate::world::World;
 
@@ -31,6 +32,8 @@ pub struct StepState {
     /// The state before the last step, to which a failed step returns.
     pub(super) before: FemState,
     rigid_before: Vec<RigidState>,
+    /// Where the next free motion begins.
+    pub(super) prediction: Prediction,
     /// Events so far.
     pub(super) phase: usize,
     /// For each phase the step at which it began.
@@ -53,6 +56,7 @@ impl StepState {
             rigid_before: world.bodies().rigid.iter().map(|body| body.start).collect(),
             pairs: world.bodies().pairs.iter().map(PairState::new).collect(),
             before: rest.clone(),
+            prediction: Prediction::new(world.model().free_nodes()),
             phase: 0,
             began: vec![0; world.changes().len() + 1],
             rest: rest.q.clone(),
@@ -97,6 +101,7 @@ impl StepState {
         self.fem.q.copy_from_slice(&self.before.q);
         self.fem.memory.copy_from_slice(&self.before.memory);
         self.fem.v.fill(Vector3::zeros());
+        self.prediction.forget();
         self.warm_start.clear();
         self.rigid.iter_mut().zip(&self.rigid_before).for_each(|(now, before)| *now = before.at_rest());
         self.pairs.iter_mut().for_each(PairState::forget);

@@ -209,7 +209,10 @@ impl StepWorkspace {
             rows: ContactRows::with_capacity(contacts),
             fixed_rows: ContactRows::with_capacity(world.detection().max_contacts),
             rigid: RigidStage::new(world),
-            compliance: ComplianceWorkspace::new(compliance_rows, ReachWorkspace::new(symbolic, compliance_rows)),
+            compliance: ComplianceWorkspace::new(
+                compliance_rows,
+                ReachWorkspace::new(symbolic, compliance_rows).keeping_nodes(symbolic),
+            ),
             problem: ConstraintProblem::with_capacity(rows),
             lambda: vec![0.0; rows],
             solver,

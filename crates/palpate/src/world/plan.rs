@@ -90,7 +90,12 @@ impl Plan {
         if self.refactor == Refactor::Step {
             return 0;
         }
-        (dt.max(self.factorization) / (SOLVES_OF_NODE * self.solve)) as usize
+        (dt.max(self.factorization) / self.change_of_node()) as usize
+    }
+
+    /// Predicted time (s) in which a factor follows a change of one node.
+    pub fn change_of_node(&self) -> f64 {
+        SOLVES_OF_NODE * self.solve
     }
 
     /// Longest factorisation (s) that the automatic choice puts into every step of `dt` (s).
