@@ -1,15 +1,18 @@
 //! `W = h² H A⁻¹ Hᵀ` of 10 and 30 frictional contacts on the liver: half solves over the reach of the rows, against full
-//! solves with all columns of `Hᵀ` at once.
+//! solves with all columns of `Hᵀ` at once, and gathered from the precomputed inverse between the nodes of the skin.
 
 #![allow(clippy::print_stdout)]
 
 use criterion::Criterion;
 use nalgebra::DMatrix;
+use palpate::constraints::surface_inverse::{GatherWorkspace, SurfaceInverse};
 use palpate::fem::factor::{Factor, FactorStatus, ReachWorkspace, SolveWorkspace};
 use palpate::fem::nodal_rows::NodalRows;
+use palpate::fem::sparse::FIXED;
 use palpate::simulation::Simulation;
 use palpate::world::World;
 use std::sync::Arc;
+use std::time::Instant;
 
 mod organ;
 use organ::patch::Patch;
@@ -38,6 +41,16 @@ impl Full {
             (0..rows.len()).for_each(|i| w[(i, j)] = scale * rows.dot(i, column));
         }
     }
+}
+
+/// Free nodes of the skin.
+fn skin(world: &World) -> Vec<u32> {
+    let free = world.model().free_of_node();
+    let mut nodes: Vec<u32> = world.surface().triangles.iter().flatten().map(|&node| free[node as usize]).collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    nodes.retain(|&node| node != FIXED);
+    nodes
 }
 
 fn measure(c: &mut Criterion, world: &World, simulation: &Simulation<'_>, contacts: usize) {
@@ -69,6 +82,28 @@ fn measure(c: &mut Criterion, world: &World, simulation: &Simulation<'_>, contac
         (&w - &w_full).amax() / w_full.amax()
     );
 
+    let begin = Instant::now();
+    let surface = SurfaceInverse::new(&factor, &skin(world), usize::MAX).expect("the factor is valid");
+    let set_up = begin.elapsed().as_secs_f64();
+    let mut gather = GatherWorkspace::new(&surface, m);
+    let mut w_gathered = DMatrix::zeros(m, m);
+    let [gathered, by_reach] = paired_medians(
+        repetitions,
+        || assert!(surface.gather_into(rows, h2, w_gathered.as_view_mut(), &mut gather)),
+        || assert_eq!(factor.compliance_into(rows, h2, &mut w, &mut reach).rows, m),
+    );
+    println!(
+        "  gathered {:.0} µs, reach {:.2} ms, ratio {:.0}; they differ by {:.0e}; {} nodes of the skin, {:.1} MB, {:.2} s \
+         at set-up",
+        1e6 * gathered,
+        1e3 * by_reach,
+        by_reach / gathered,
+        (&w - &w_gathered).amax() / w.amax(),
+        surface.nodes(),
+        1e-6 * SurfaceInverse::bytes(surface.nodes()) as f64,
+        set_up
+    );
+
     let mut group = c.benchmark_group(format!("compliance, {}", nodes(world)));
     let contacts = patch.contacts();
     group.bench_function(format!("{contacts} contacts, reach"), |b| {
@@ -76,6 +111,9 @@ fn measure(c: &mut Criterion, world: &World, simulation: &Simulation<'_>, contac
     });
     group.bench_function(format!("{contacts} contacts, full solves"), |b| {
         b.iter(|| full.compliance(&factor, rows, h2, &mut w_full));
+    });
+    group.bench_function(format!("{contacts} contacts, gathered"), |b| {
+        b.iter(|| surface.gather_into(rows, h2, w_gathered.as_view_mut(), &mut gather));
     });
     group.finish();
 }

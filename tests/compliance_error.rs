@@ -228,6 +228,8 @@ fn every_method_repeats_to_the_bit_on_any_number_of_threads() {
             let other = run(threads);
             assert!(one == other, "{compliance:?}: {threads} threads differ from one");
         }
-        assert_eq!(one.2 > 0, compliance == ComplianceMethod::Asynchronous, "{compliance:?}: {} early", one.2);
+        // With an accuracy the automatic choice climbs a ladder that begins with a factor thread.
+        let has_thread = matches!(compliance, ComplianceMethod::Asynchronous | ComplianceMethod::Automatic);
+        assert_eq!(one.2 > 0, has_thread, "{compliance:?}: {} early", one.2);
     }
 }

@@ -4,6 +4,7 @@
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use palpate::prelude::*;
+use palpate::scene::SceneError;
 use palpate::step::StepStatus;
 
 const SPHERE: &str = "{ kind = \"sphere\", radius = 0.02 }";
@@ -104,4 +105,38 @@ fn a_still_tool_comes_to_rest_by_an_asynchronous_factor() {
 fn the_way_to_rest_is_the_same_to_the_bit() {
     let bits = || press(CAPSULE, "linear", "exact", 0.3, 0.006).iter().map(|f| f.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(), bits());
+}
+
+/// Only round tools at faces have points to hold: elsewhere the key would do nothing, and is refused where it stands.
+#[test]
+fn holding_points_that_are_not_held_is_refused() {
+    let scene = |at: &str, shape: &str| {
+        let text = format!(
+            r#"
+            name = "rest"
+            [[body]]
+            name = "block"
+            block = {{ min = [0, 0, 0], max = [0.08, 0.08, 0.04], cells = [2, 2, 2] }}
+            material = {{ law = "neo_hookean", young = 10e3, poisson = 0.40 }}
+            [[tool]]
+            name = "tool"
+            shape = {shape}
+            [contact]
+            at = "{at}"
+            hold = true
+            [hand]
+            path = [{{ time = 0, position = [0, 0, 0.2] }}]
+            "#
+        );
+        Scene::from_toml(&text, std::path::Path::new(""))
+    };
+    assert!(scene("faces", SPHERE).is_ok() && scene("faces", CAPSULE).is_ok());
+    let hull = "{ kind = \"convex\", vertices = [[0, 0, 0], [0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.01]] }";
+    for (at, shape, remedy) in [("nodes", SPHERE, "at = \"faces\""), ("faces", hull, "a sphere or a capsule")] {
+        let Err(SceneError::Invalid(error)) = scene(at, shape) else { panic!("accepted: {at}, {shape}") };
+        println!("{error}");
+        assert_eq!(&error.text[error.span.clone()], "true", "{error}");
+        assert!(error.to_string().contains("hold = true has no effect"), "{error}");
+        assert!(error.remedy.is_some_and(|said| said.contains(remedy)));
+    }
 }

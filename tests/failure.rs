@@ -21,7 +21,7 @@ use palpate::summary::RunEnd;
 use palpate::tick::TickFlags;
 use palpate::trace::{StepFlags, Trace};
 
-use block::{MAX_FORCE, SKIN, STEPS, distance, pose, record, scene, world};
+use block::{SKIN, STEPS, distance, pose, record, scene, world};
 
 fn lockstep() -> RunOptions {
     RunOptions { length: Length::Seconds(1.2), lockstep: true, threads: Some(1), ..RunOptions::default() }
@@ -148,7 +148,8 @@ fn a_matrix_that_cannot_be_factored_leaves_the_last_good_factor_in_use() {
     let mut simulation = Simulation::new(&world).unwrap();
     simulation.step(&pose(0));
     let good = simulation.workspace().fem.system.clone();
-    let q = world.mesh().nodes.clone();
+    let at = world.model().rest_state();
+    let q = at.q.clone();
     let first = FactorSample::new(world.symbolic(), 0, 0, 0.0, &q, &good).unwrap();
     let (mut port, mut stage) = refresh(&first, &good);
     let revision = port.factor().factor.revision();
@@ -159,7 +160,7 @@ fn a_matrix_that_cannot_be_factored_leaves_the_last_good_factor_in_use() {
     broken.blocks[0].m11 = f64::NAN;
     for (step, bad) in [(1, &indefinite), (2, &broken), (3, &indefinite), (4, &indefinite)] {
         stage.want();
-        port.offer(step, 0.1, &q, bad);
+        port.offer(step, 0.1, &at, bad);
         let report = stage.refresh(|| 0.2).expect("a matrix has arrived");
         assert!(!report.is_ok(), "{report:?}");
         assert_eq!(matches!(report.status, FactorStatus::NonFinite { .. }), step == 2, "{report:?}");
@@ -168,7 +169,7 @@ fn a_matrix_that_cannot_be_factored_leaves_the_last_good_factor_in_use() {
         assert_eq!((factor.epoch, factor.step, factor.factor.revision()), (0, 0, revision));
     }
     stage.want();
-    port.offer(5, 0.3, &q, &good);
+    port.offer(5, 0.3, &at, &good);
     assert!(stage.refresh(|| 0.4).unwrap().is_ok());
     let factor = port.factor();
     assert_eq!((factor.epoch, factor.step, factor.time), (1, 5, 0.3), "the next good matrix is taken again");
@@ -242,14 +243,9 @@ fn a_tool_that_jumps_sends_no_wild_force() {
             let summary = &outcome.summary;
             println!("{compliance:?}, to z = {depth}: {:?}, up to {:.2} N", summary.end, summary.largest_force);
             assert!(all_finite(&outcome.state.q) && all_finite(&outcome.state.v));
-            // What came out below the held bottom cannot come back up through it: the tool stays there, within the limit.
-            let below = recorder.ticks.last().is_some_and(|tick| tick.record.tool_pose.translation.z <= -0.011);
-            if below {
-                let pull = recorder.forces().last().map(|f| [f.x, f.y, f.z]);
-                assert!(depth < 0.0 && pull == Some([0.0, 0.0, -MAX_FORCE]), "{pull:?}");
-            } else {
-                assert_eq!(recorder.forces().last(), Some(&Vector3::zeros()), "it left again, or was taken off");
-            }
+            // It left again, or was taken off: what came out below the held bottom cannot come back up through it.
+            assert_eq!(recorder.forces().last(), Some(&Vector3::zeros()), "to z = {depth}");
+            assert!(summary.end != RunEnd::Completed || summary.port.counts.jumped > 0, "0.1 m in 20 ms is told");
             let jump = recorder.forces().windows(2).map(|w| (w[1] - w[0]).norm()).fold(0.0, f64::max);
             assert!(jump <= 2.0 * (1.0 + 1e-9), "{jump} N in a millisecond: above the slew limit");
             // Up to a crush of the block against its support, exact compliance bears the jump; what does not is named.

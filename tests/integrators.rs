@@ -7,10 +7,10 @@ mod block;
 use std::path::Path;
 
 use nalgebra::{Isometry3, Vector3};
-use palpate::constraints::compliance::ComplianceMethod;
+use palpate::constraints::compliance::{ComplianceMethod, MotionCorrection};
 use palpate::prelude::*;
 use palpate::run::{Length, RunOptions};
-use palpate::scene::{ExplicitDescription, IntegratorKind, NewtonDescription, SceneError};
+use palpate::scene::{BodyDescription, ExplicitDescription, IntegratorKind, NewtonDescription, Refactor, SceneError};
 use palpate::step::StepStatus;
 use palpate::world::{EXPLICIT_SAFETY, Integration};
 
@@ -187,20 +187,24 @@ fn explicit_steps_report_the_worst_of_their_forces_and_name_the_element_that_is_
 
 #[test]
 fn keys_that_the_integrator_never_reads_are_warned_of_by_name() {
-    let keys = ["guard", "definiteness_filter", "compliance", "tolerance", "max_iterations"];
+    let keys = BodyDescription::OF_BACKWARD_EULER;
     for kind in [IntegratorKind::BackwardEuler, IntegratorKind::Newton, IntegratorKind::Explicit] {
         let world = world(|d| {
             coarse(d, kind);
             let body = &mut d.bodies[0];
             (body.guard, body.definiteness_filter) = (false, false);
             (body.tolerance, body.max_iterations) = (1e-8, 500);
+            (body.correction, body.refactor) = (MotionCorrection::Matching, Some(Refactor::Step));
+            (body.accuracy, body.error_sampling) = (Some(0.01), 0.2);
         });
         let warned = |key: &str| world.warnings().iter().any(|w| w.contains(&format!("`{key}`")));
         assert!(
-            keys.iter().all(|key| warned(key) == (kind != IntegratorKind::BackwardEuler)),
+            keys.iter().all(|(key, _)| warned(key) == (kind != IntegratorKind::BackwardEuler)),
             "{:?}",
             world.warnings()
         );
+        let promised = world.plan().to_string().contains("exact steps");
+        assert_eq!(promised, kind == IntegratorKind::BackwardEuler, "{}", world.plan());
     }
     let plain = world(|d| (d.bodies[0].integrator, d.bodies[0].rayleigh_stiffness) = (IntegratorKind::Newton, 0.0));
     assert!(plain.warnings().is_empty(), "{:?}", plain.warnings());

@@ -63,6 +63,37 @@ fn the_guard_sees_an_allocation() {
     assert!(violations(|| drop(std::hint::black_box(vec![0_u8; 64]))) > 0);
 }
 
+/// An old factor, so that every step refines its forces; and a ladder whose rungs are all climbed.
+#[test]
+fn steps_that_refine_their_forces_and_climb_the_ladder_allocate_nothing() {
+    for accuracy in [None, Some(0.02)] {
+        let world = block::world(|scene| {
+            let method = if accuracy.is_some() { ComplianceMethod::Automatic } else { ComplianceMethod::Asynchronous };
+            let body = &mut scene.bodies[0];
+            (body.compliance, body.accuracy, body.error_sampling) = (method, accuracy, 100.0);
+        });
+        on_a_worker(|| {
+            let mut simulation = Simulation::new(&world).unwrap().refresh_every(0);
+            // A press, and as long without contact as it takes to come down again.
+            let all = STEPS + 4 * u64::from(palpate::world::CALM_STEPS);
+            (0..all).for_each(|k| _ = simulation.step(&pose(k)));
+            let (mut refined, mut rungs) = (0, Vec::with_capacity(all as usize));
+            let seen = violations(|| {
+                for k in 0..all {
+                    let report = simulation.step(&pose(k));
+                    refined += u32::from(report.error.refined);
+                    rungs.extend(report.rung);
+                }
+            });
+            assert_eq!(seen, 0, "accuracy {accuracy:?}");
+            rungs.sort_unstable();
+            rungs.dedup();
+            assert!(refined > if accuracy.is_some() { 0 } else { 15 }, "{refined} refined");
+            assert!(accuracy.is_none() || rungs.len() >= 3, "{rungs:?}");
+        });
+    }
+}
+
 #[test]
 fn a_step_allocates_nothing_while_contacts_come_and_go() {
     for (method, friction, world) in worlds() {
@@ -155,7 +186,7 @@ fn step_factor_and_tick_together_allocate_nothing_over_ten_thousand_ticks() {
                         let input = StepInput { time, tool: *poses.latest(), factor: port.factor() };
                         let report = step(&world, &input, &mut state, &mut ws, snapshots.value_mut());
                         snapshots.publish();
-                        port.offer(report.step, time, state.before(), &ws.fem.system);
+                        port.offer(report.step, time, state.state_before(), &ws.fem.system);
                         offs += usize::from(on && report.active == 0);
                         on = report.active > 0;
                     }
@@ -260,7 +291,7 @@ fn a_newton_step_that_fails_allocates_nothing_either() {
     });
 }
 
-/// A brick on a floor, a ball that falls on the tissue and rolls off it on the brick, and the tool in between.
+/// A brick on a floor, a ball that falls on the tissue and rolls off it on the brick, and the tool in between, by a wall.
 #[test]
 fn steps_with_fixed_and_rigid_bodies_allocate_nothing_either() {
     for integrator in [IntegratorKind::BackwardEuler, IntegratorKind::Newton] {
@@ -268,9 +299,8 @@ fn steps_with_fixed_and_rigid_bodies_allocate_nothing_either() {
             scene.bodies[0].integrator = integrator;
             scene.gravity = [0.0, 0.0, -9.81];
             let bodies = r#"
-                [[fixed_body]]
-                name = "floor"
-                shape = { kind = "plane", normal = [0, 0, 1] }
+                fixed_body = [{ name = "floor", shape = { kind = "plane", normal = [0, 0, 1] } },
+                    { name = "wall", shape = { kind = "box", size = [0.01, 0.06, 0.03] }, position = [0.016, 0.037, 0.061] }]
                 [[rigid_body]]
                 name = "brick"
                 shape = { kind = "box", size = [0.06, 0.06, 0.02] }
@@ -290,18 +320,19 @@ fn steps_with_fixed_and_rigid_bodies_allocate_nothing_either() {
         on_a_worker(|| {
             let mut simulation = Simulation::new(&world).unwrap();
             let start = simulation.state().rigid.clone();
-            let (mut touching, mut most) = (0, 0);
+            let (mut touching, mut most, mut at_wall) = (0, 0, 0);
             let mut fall = || {
                 simulation.state_mut().rigid.copy_from_slice(&start);
                 for k in 0..STEPS {
                     let report = simulation.step(&pose(k));
                     assert_eq!(report.status, StepStatus::Advanced);
                     (touching, most) = (touching + report.active, most.max(report.bodies.active));
+                    at_wall += usize::from(report.frozen_at_rigid);
                 }
             };
             fall();
             assert_eq!(violations(&mut fall), 0, "{integrator:?}");
-            assert!(touching > 0 && most >= 5, "{integrator:?}: {touching}, {most}");
+            assert!(touching > 0 && most >= 5 && at_wall > 0, "{integrator:?}: {touching}, {most}");
         });
     }
 }

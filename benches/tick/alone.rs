@@ -49,6 +49,7 @@ fn tick_of(world: &World) -> Tick {
         sweeps: scene.solver.tick_sweeps,
         tolerance: scene.solver.tick_tolerance,
         coupling: CouplingConfig::for_device(&spec),
+        passivity: scene.passivity,
         limits: scene.limits,
     };
     Tick::new(&config, &spec).expect("the bundled scene's tick is valid")

@@ -52,7 +52,18 @@ pub struct Options {
     pub reserved: u32,
     /// Trace to write (MCAP), UTF-8; NULL: none.
     pub trace: *const c_char,
+    /// Largest power that is given to the hand (W).
+    pub max_power: f64,
+    /// Energy that a contact may give out beyond what it took in (J).
+    pub energy_allowance: f64,
+    /// PALPATE_OPTION_... or 0.
+    pub switches: u32,
+    /// Always 0.
+    pub reserved_switches: u32,
 }
+
+/// The passivity layer keeps its account but does not act on the force.
+pub const PALPATE_OPTION_OBSERVE_ENERGY_ONLY: u32 = 1 << 0;
 
 // SAFETY: repr(C), numbers and a pointer that is only looked at where its text is wanted; LEAST is the offset of a field.
 unsafe impl Layout for Options {
@@ -77,6 +88,10 @@ unsafe impl Layout for Options {
             axes: [0; 3],
             reserved: 0,
             trace: std::ptr::null(),
+            max_power: 0.0,
+            energy_allowance: 0.0,
+            switches: 0,
+            reserved_switches: 0,
         }
     }
 }
@@ -99,6 +114,9 @@ impl Options {
             rate: given(self.rate),
             max_force: given(self.max_force),
             max_torque: given(self.max_torque),
+            max_power: given(self.max_power),
+            energy_allowance: given(self.energy_allowance),
+            passivity: (self.switches & PALPATE_OPTION_OBSERVE_ENERGY_ONLY != 0).then_some(false),
             max_stiffness: given(self.max_stiffness),
             max_damping: given(self.max_damping),
             force_slew: given(self.force_slew),

@@ -39,6 +39,14 @@ pub const PALPATE_TICK_NOT_CONVERGED: u32 = 1 << 11;
 pub const PALPATE_TICK_TRUNCATED: u32 = 1 << 12;
 /// The input's pose was not finite, not a rotation, or beyond 1 km: no force.
 pub const PALPATE_TICK_BAD_POSE: u32 = 1 << 13;
+/// The contact would have given out more energy than it took in: the force was reduced along the motion.
+pub const PALPATE_TICK_PASSIVITY: u32 = 1 << 16;
+/// The power given to the hand was cut to its limit.
+pub const PALPATE_TICK_POWER_LIMITED: u32 = 1 << 17;
+/// The tick came later than half a period after its time.
+pub const PALPATE_TICK_LATE: u32 = 1 << 18;
+/// The device's pose has jumped: no force until the tool is out of contact or back where it was.
+pub const PALPATE_TICK_JUMPED: u32 = 1 << 19;
 /// The device's clock stood still, ran backwards, or did not keep pace: the library's own was used.
 pub const PALPATE_TICK_CLOCK: u32 = 1 << 30;
 /// The call itself was refused: see the status.
@@ -58,6 +66,10 @@ const _: () = {
     assert!(PALPATE_TICK_NOT_CONVERGED == TickFlags::NOT_CONVERGED.bits());
     assert!(PALPATE_TICK_TRUNCATED == TickFlags::TRUNCATED.bits());
     assert!(PALPATE_TICK_BAD_POSE == TickFlags::BAD_POSE.bits());
+    assert!(PALPATE_TICK_PASSIVITY == TickFlags::PASSIVITY.bits());
+    assert!(PALPATE_TICK_POWER_LIMITED == TickFlags::POWER_LIMITED.bits());
+    assert!(PALPATE_TICK_LATE == TickFlags::LATE.bits());
+    assert!(PALPATE_TICK_JUMPED == TickFlags::JUMPED.bits());
 };
 
 /// The field velocity and angular_velocity of the input are measured. Without it the library finds them from the poses.
@@ -160,6 +172,8 @@ pub struct Output {
     pub contacts: u32,
     /// One of PALPATE_PHASE_...
     pub phase: u32,
+    /// Energy that went through the port in the contact that lasts (J); positive: the hand has put it in.
+    pub energy: f64,
 }
 
 // SAFETY: repr(C), plain numbers; LEAST is the offset of a field.
@@ -183,6 +197,7 @@ unsafe impl Layout for Output {
             work: 0.0,
             contacts: 0,
             phase: Phase::Failed as u32,
+            energy: 0.0,
         }
     }
 }
@@ -208,6 +223,7 @@ impl Output {
             work: report.work,
             contacts: r.active,
             phase: report.phase as u32,
+            energy: r.energy.account,
         }
     }
 }

@@ -8,7 +8,7 @@ use palpate::run::RunOptions;
 use palpate::scene::{Scene, SceneError};
 use palpate::session::{Phase, Session, raise_priority};
 use palpate::summary::RunEnd;
-use palpate::world::World;
+use palpate::world::{ChangeError, ChangeRequest, World};
 
 use crate::layout::{self, Layout};
 use crate::options::{Options, text};
@@ -198,6 +198,33 @@ pub unsafe extern "C" fn palpate_pause(simulation: *const Simulation) -> Status 
 pub unsafe extern "C" fn palpate_resume(simulation: *const Simulation) -> Status {
     // SAFETY: as the caller promises.
     unsafe { with_session(simulation, |session| in_phase(session.pause(false), "the simulation does not run")) }
+}
+
+/// Changes the body while it runs: nodes released or held, elements removed. `change` is TOML with the keys of an [[event]]
+/// without `time`, such as "remove = { ball = { center = [0.02, 0.02, 0.04], radius = 0.005 } }" or
+/// "hold = { node_set = \"x_min\" }". The scene's body must have room: `changes = 8` for eight changes in one run.
+///
+/// The changed body is made on the calling thread, in some ten milliseconds per thousand nodes, so do not call it from the
+/// thread that ticks; the tissue goes on meanwhile, and its next step takes the change. Other calls with the same simulation
+/// wait until it is made, ticks do not. PALPATE_STATUS_ERROR_PHASE where
+/// nothing runs, PALPATE_STATUS_ERROR_ARGUMENT where the change cannot be done; palpate_last_error says why.
+///
+/// # Safety
+/// `simulation` is NULL or was created and not destroyed; `change` is NULL or a text closed by a zero.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_change(simulation: *const Simulation, change: *const c_char) -> Status {
+    let change = |session: &mut Session| {
+        // SAFETY: as the caller promises.
+        let request = unsafe { text(change) }.map(ChangeRequest::from_toml);
+        match request.map(|request| request.and_then(|request| session.change(&request))) {
+            Err(status) => status,
+            Ok(Ok(_)) => Status::Ok,
+            Ok(Err(error @ ChangeError::NotRunning)) => fail(Status::ErrorPhase, &error.to_string()),
+            Ok(Err(error)) => fail(Status::ErrorArgument, &error.to_string()),
+        }
+    };
+    // SAFETY: as the caller promises.
+    unsafe { with_session(simulation, change) }
 }
 
 /// Ends the threads and the trace, and waits for them: at most the time of a step and 0.1 s. The driver may go on

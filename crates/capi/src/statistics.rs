@@ -46,7 +46,7 @@ pub struct Statistics {
     pub tick_overruns: u64,
     /// Contacts that found no room in the scene's capacity.
     pub contacts_dropped: u64,
-    /// Ticks that were cut by a limit of force, torque or slew.
+    /// Ticks that were cut by a limit of force, torque, power or slew.
     pub limited: u64,
     /// Ticks that sent no force because a number or a pose was not sound.
     pub refused: u64,
@@ -70,6 +70,30 @@ pub struct Statistics {
     pub contacts: u32,
     /// Always 0.
     pub reserved: u32,
+    /// Ticks in which the force was cut to its limit.
+    pub force_limited: u64,
+    /// Ticks in which the torque was cut to its limit.
+    pub torque_limited: u64,
+    /// Ticks in which the power given to the hand was cut to its limit.
+    pub power_limited: u64,
+    /// Ticks in which the change of force or torque was cut to its limit.
+    pub slew_limited: u64,
+    /// Ticks in which the passivity layer reduced the force along the motion.
+    pub passivity: u64,
+    /// Ticks whose step of the tissue was old, so that the force faded or was zero.
+    pub stale: u64,
+    /// Ticks after an interruption.
+    pub gaps: u64,
+    /// Ticks that came later than half a period after their time.
+    pub late: u64,
+    /// Ticks without force since the device's pose had jumped.
+    pub jumped: u64,
+    /// Energy that went through the device by forces since the start (J); positive: the hand has put it in.
+    pub energy: f64,
+    /// The same by torques (J).
+    pub energy_by_torque: f64,
+    /// Lowest energy of a contact (J): what it gave out beyond what it had taken in.
+    pub lowest_energy: f64,
 }
 
 // SAFETY: repr(C), plain numbers; LEAST is the offset of a field.
@@ -105,6 +129,18 @@ impl Statistics {
             factor_age: s.factor_age,
             contacts: s.contacts,
             reserved: 0,
+            force_limited: s.port.counts.force_limited,
+            torque_limited: s.port.counts.torque_limited,
+            power_limited: s.port.counts.power_limited,
+            slew_limited: s.port.counts.slew_limited,
+            passivity: s.port.counts.passivity,
+            stale: s.port.counts.stale,
+            gaps: s.port.counts.gaps,
+            late: s.port.counts.late,
+            jumped: s.port.counts.jumped,
+            energy: s.port.energy[0],
+            energy_by_torque: s.port.energy[1],
+            lowest_energy: s.port.least_account,
         }
     }
 }

@@ -6,6 +6,7 @@ use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use palpate::scene::Scene;
 
 use crate::arguments::RunArguments;
 
@@ -36,6 +37,22 @@ pub(crate) fn check_writable(option: &str, path: &Path) -> Result<()> {
             path.display()
         )
     })
+}
+
+/// Refuses an output that is one of the files that are read.
+pub(crate) fn check_kept<P: AsRef<Path>>(option: &str, path: &Path, inputs: &[P]) -> Result<()> {
+    if inputs.iter().any(|input| same(input.as_ref(), path)) {
+        return Err(miette!(help = "name another file", "{option} {} would overwrite an input", path.display()));
+    }
+    Ok(())
+}
+
+/// The files that are read for the scene that the command line calls `name`.
+pub(crate) fn scene_files(name: &str, scene: &Scene) -> Vec<PathBuf> {
+    let file = Path::new(name);
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let named = scene.description().files().map(|name| folder.join(name));
+    std::iter::once(file.to_path_buf()).chain(named).collect()
 }
 
 /// Makes a folder for outputs, if it is not there.
@@ -82,13 +99,7 @@ impl Outputs {
                 let help = "give every output its own file; the picture is the trace with the ending .svg";
                 return Err(miette!(help = help, "{other} and {option} are both {}", path.display()));
             }
-            if inputs.iter().any(|input| same(input, path)) {
-                return Err(miette!(
-                    help = "name another file",
-                    "{option} {} would overwrite an input",
-                    path.display()
-                ));
-            }
+            check_kept(option, path, inputs)?;
         }
         if let Some(path) = self.final_state.as_ref().filter(|p| p.extension().is_none_or(|e| e != "vtu")) {
             return Err(miette!(help = "name it FILE.vtu", "--final {}: only VTU is written", path.display()));

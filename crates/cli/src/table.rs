@@ -1,7 +1,7 @@
 //! The summary of a run as a table.
 
 use comfy_table::{Cell, CellAlignment, Table, presets};
-use palpate::summary::{Percentiles, RunSummary};
+use palpate::summary::{ForceCounts, Percentiles, RunSummary};
 
 /// The summary as text.
 pub(crate) fn summary(s: &RunSummary) -> String {
@@ -93,6 +93,10 @@ fn facts(s: &RunSummary) -> Table {
         "factors before their turn / steps in contact with exact compliance".to_string(),
         format!("{} / {}", s.factors_early, s.exact_steps),
     ]);
+    if !s.rungs.is_empty() {
+        let by: Vec<_> = s.rungs.iter().map(|(rung, steps)| format!("{rung} {steps}")).collect();
+        table.add_row(["steps in contact by method / climbs".to_string(), format!("{} / {}", by.join(", "), s.climbs)]);
+    }
     table.add_row(["largest force [N]".to_string(), format!("{:.3}", s.largest_force)]);
     table.add_row([
         "impulse of contact: steps / ticks [N s]".to_string(),
@@ -102,13 +106,19 @@ fn facts(s: &RunSummary) -> Table {
         "steps: full patch / frozen rows at a rigid body; ticks beyond their patch".to_string(),
         format!("{} / {}; {}", s.patches_full, s.frozen_at_rigid, s.beyond_patch),
     ]);
+    let port = &s.port;
+    table.add_row([
+        "energy through the device: forces / torques / lowest of a contact [mJ]".to_string(),
+        format!("{:.3} / {:.3} / {:.3}", 1e3 * port.energy[0], 1e3 * port.energy[1], 1e3 * port.least_account),
+    ]);
+    table.add_row(["ticks in which something acted on the force".to_string(), acted(&port.counts)]);
     table.add_row([
         "contacts dropped / factors refused".to_string(),
         format!("{} / {}", s.contacts_dropped, s.factors_refused),
     ]);
     table.add_row([
-        "steps shortened / with unsettled contact forces".to_string(),
-        format!("{} / {}", s.shortened, s.unsettled),
+        "steps shortened / repeated / with elements held open / with unsettled contact forces".to_string(),
+        format!("{} / {} / {} / {}", s.shortened, s.repeated, s.held_open, s.unsettled),
     ]);
     let per_step = |n: u64| n as f64 / s.steps.max(1) as f64;
     table.add_row([
@@ -116,4 +126,11 @@ fn facts(s: &RunSummary) -> Table {
         format!("{:.0} / {:.2}", per_step(s.filtered), per_step(s.inverted)),
     ]);
     table
+}
+
+/// What acted on the force, and in how many ticks.
+fn acted(counts: &ForceCounts) -> String {
+    let all = ForceCounts::NAMES.iter().zip(counts.values()).filter(|(_, ticks)| *ticks > 0);
+    let all: Vec<_> = all.map(|(name, ticks)| format!("{} {ticks}", name.replace('_', " "))).collect();
+    if all.is_empty() { "none".into() } else { all.join(", ") }
 }

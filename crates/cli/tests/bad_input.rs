@@ -282,6 +282,36 @@ fn files_that_cannot_be_written_are_found_before_the_run() {
 }
 
 #[test]
+fn no_command_writes_over_what_it_reads() {
+    let place = Place::new();
+    assert_eq!(
+        place.run("run scene.toml --lockstep --steps 2 --final body.vtu --save-problems problems").code,
+        Some(0)
+    );
+    place.write("again.toml", &SCENE.replace("name = \"small\"", "name = \"again\""));
+    let again = place.text("again.toml");
+    place.write("again.toml", &format!("{again}\n[device]\nkind = \"replay\"\ntrace = \"again.mcap\"\n"));
+    std::fs::rename(place.path("small.mcap"), place.path("again.mcap")).unwrap();
+    let mesh = SCENE.lines().filter(|line| !line.starts_with("block")).collect::<Vec<_>>().join("\n");
+    place.write("meshed.toml", &mesh.replace("[[body]]", "[[body]]\nmesh = \"body.vtu\""));
+    let problem = std::fs::read_dir(place.path("problems")).unwrap().next().unwrap().unwrap().path();
+    let problem = format!("problems/{}", problem.file_name().unwrap().display());
+    let kept = ["again.mcap", "body.vtu", &problem].map(|file| (place.read(file), file));
+    for command in [
+        "run again.toml --lockstep --steps 2".to_owned(),
+        "run meshed.toml --lockstep --steps 2 --final body.vtu".to_owned(),
+        "equilibrium meshed.toml --final body.vtu".to_owned(),
+        format!("solve {problem} --out {problem}"),
+    ] {
+        let run = place.run(&command);
+        assert!(run.code == Some(2) && run.err.contains("would overwrite an input"), "{command}: {run:?}");
+    }
+    for (bytes, file) in kept {
+        assert!(place.read(file) == bytes, "{file}");
+    }
+}
+
+#[test]
 fn a_trace_that_cannot_be_written_is_told_at_once_and_the_simulation_goes_on() {
     let place = Place::new();
     let run = place.run("run scene.toml --lockstep --steps 3 --trace nowhere/a.mcap --csv a.csv --json");

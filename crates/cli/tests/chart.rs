@@ -132,29 +132,100 @@ fn a_quick_chart_of_compliance_says_that_error_grows_with_age_and_the_exact_corr
     let place = Place::new();
     let run = place.run("chart compliance --quick --out charts");
     assert_eq!(run.code, Some(0), "{run:?}");
-    assert!(place.text("charts/compliance.svg").contains("not warped, exact correction"));
+    assert!(place.text("charts/compliance.svg").contains("precomputed, warped, refined"));
     let rows = table(&place, "charts/compliance.csv");
-    // Three motions by the exact method and by four others at five ages.
-    assert_eq!(rows.len(), 3 * (1 + 4 * 5));
-    for row in rows.iter().filter(|row| text(row, "correction") == "exact") {
+    // Three motions: the exact method, and with each of three corrections two sources of W at five ages and one at one.
+    assert_eq!(rows.len(), 3 * (1 + 3 * (2 * 5 + 1)));
+    for row in rows.iter().filter(|row| ["exact", "refined"].contains(&text(row, "correction"))) {
         // The solves stop at 1e-6 of their right side.
         assert!(number(row, "imbalance [%]") <= 1e-4, "{row:?}");
     }
+    let (warped, plain, gathered) = ("async, warped", "async, not warped", "precomputed, warped");
+    let errors = |motion: &str, source: &str, correction: &str| -> Vec<f64> {
+        let of = |row: &&Vec<(String, String)>| {
+            [("motion", motion), ("compliance", source), ("correction", correction)]
+                .iter()
+                .all(|(k, v)| text(row, k) == *v)
+        };
+        rows.iter().filter(of).map(|row| number(row, "error of forces [%]")).collect()
+    };
     for motion in ["twisting", "pressed deep"] {
-        for warped in ["yes", "no"] {
-            let of = |row: &&Vec<(String, String)>| {
-                text(row, "motion") == motion && text(row, "warped") == warped && text(row, "correction") == "matching"
-            };
-            let errors: Vec<f64> = rows.iter().filter(of).map(|row| number(row, "error of forces [%]")).collect();
-            assert!(errors.len() == 5 && errors[0] < 1e-3, "a factor of the step itself is exact: {errors:?}");
-            assert!(errors.windows(2).all(|pair| pair[0] < pair[1]), "{motion}, warped {warped}: {errors:?}");
+        for source in [warped, plain] {
+            let (before, after) = (errors(motion, source, "matching"), errors(motion, source, "refined"));
+            assert!(before.len() == 5 && before[0] < 1e-3, "a factor of the step itself is exact: {before:?}");
+            assert!(before.windows(2).all(|pair| pair[0] < pair[1]), "{motion}, {source}: {before:?}");
+            let better = before.iter().zip(&after).skip(1).all(|(before, after)| after < before);
+            assert!(better, "{motion}, {source}: refined forces are nearer: {before:?} {after:?}");
+        }
+        // The precomputed inverse is that of the oldest factor, but for rounding to single precision.
+        let (old, precomputed) = (errors(motion, warped, "matching")[4], errors(motion, gathered, "matching")[0]);
+        assert!((old - precomputed).abs() < 1e-3, "{motion}: {old} {precomputed}");
+    }
+    let (with, without) = (errors("twisting", warped, "matching")[4], errors("twisting", plain, "matching")[4]);
+    assert!(with < 0.2 * without, "warping serves a twist: {with} {without}");
+}
+
+#[test]
+fn a_quick_chart_of_haptics_is_a_picture_and_tables_that_satisfy_the_theory() {
+    let place = Place::new();
+    let run = place.run("chart haptics --quick --out charts");
+    assert_eq!(run.code, Some(0), "{run:?}");
+    let files = ["haptics_wall.csv", "haptics_wall_damping.csv", "haptics_couplings.csv", "haptics_force.csv"];
+    for file in files.into_iter().chain(["haptics.svg"]) {
+        assert!(run.out.contains(file) && place.path(&format!("charts/{file}")).is_file(), "{file}: {}", run.out);
+    }
+    let picture = place.text("charts/haptics.svg");
+    for label in
+        ["line b = K T/2", "firm hand", "Stable couplings: block, tissue at 30 Hz", "frozen rows", "45 degrees"]
+    {
+        assert!(picture.contains(label), "{label}");
+    }
+
+    // Colgate and Schenkel's line within 5 %, by motion and by eigenvalues; delay costs two thirds; hands add damping.
+    let walls = table(&place, "charts/haptics_wall.csv");
+    let of = |curve: &str| -> Vec<f64> {
+        let rows = walls.iter().filter(|row| text(row, "curve") == curve);
+        rows.map(|row| number(row, "stable up to K [N/m]")).collect()
+    };
+    let line: Vec<f64> = [0.1, 0.5, 2.0].iter().map(|b| 2.0 * b / 1e-3).collect();
+    let close = |edges: &[f64], expected: f64, share: f64| {
+        edges.len() == 3 && edges.iter().zip(&line).all(|(edge, line)| (edge / (expected * line) - 1.0).abs() < share)
+    };
+    assert!(close(&of("ideal device, motion"), 1.0, 0.05), "{walls:?}");
+    assert!(close(&of("ideal device, eigenvalues"), 1.0, 0.05), "{walls:?}");
+    assert!(close(&of("one tick of delay"), 1.0 / 3.0, 0.05), "{walls:?}");
+    let [loose, normal, firm] = ["loose hand", "normal hand", "firm hand"].map(of);
+    for k in 0..3 {
+        assert!(line[k] < loose[k] && loose[k] < normal[k] && normal[k] < firm[k], "{loose:?} {normal:?} {firm:?}");
+    }
+    // A damper in the wall keeps it passive only up to a softer spring; stable it is beyond.
+    for row in table(&place, "charts/haptics_wall_damping.csv") {
+        if text(&row, "curve").starts_with("ideal device") {
+            assert!(number(&row, "K/theory") > 0.99, "{row:?}");
         }
     }
-    let at = |warped: &str| {
-        let of = |row: &&Vec<(String, String)>| {
-            text(row, "motion") == "twisting" && text(row, "warped") == warped && text(row, "age [steps]") == "30"
-        };
-        number(rows.iter().find(of).unwrap(), "error of forces [%]")
+
+    // A force that is held for a step allows softer couplings than a loop at 1 kHz, the softer the slower the tissue.
+    let couplings = table(&place, "charts/haptics_couplings.csv");
+    let stiffest = |method: &str, rate: f64| {
+        let of = |row: &&Vec<(String, String)>| text(row, "method") == method && number(row, "tissue [Hz]") == rate;
+        number(couplings.iter().find(of).unwrap(), "stable up to K of the coupling [N/m]")
     };
-    assert!(at("yes") < 0.2 * at("no"), "warping serves a twist: {} {}", at("yes"), at("no"));
+    for rate in [10.0, 30.0] {
+        let held = stiffest("force held for a step", rate);
+        assert!(stiffest("local patch", rate) > 4.0 * held.max(25.0), "{couplings:?}");
+    }
+
+    // First touch: within 10 % on a patch, straight on and at 45 degrees; a held force misses most of it.
+    let force = table(&place, "charts/haptics_force.csv");
+    for touch in ["block, touched straight on", "block, touched at 45 degrees"] {
+        let error = |method: &str| {
+            let of = |row: &&Vec<(String, String)>| {
+                text(row, "scene") == touch && text(row, "method") == method && number(row, "tissue [Hz]") == 30.0
+            };
+            number(force.iter().find(of).unwrap(), "first 100 ms [%]")
+        };
+        assert!(error("local patch") < 10.0, "{touch}: {force:?}");
+        assert!(error("force held for a step") > 2.0 * error("local patch"), "{touch}: {force:?}");
+    }
 }

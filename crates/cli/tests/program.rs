@@ -77,7 +77,7 @@ fn a_lockstep_trace_replays_to_the_bit_and_one_that_was_tampered_with_does_not()
     assert_eq!(place.run("run scene.toml --lockstep --steps 20").code, Some(0));
     let replay = place.run("replay small.mcap");
     assert_eq!(replay.code, Some(0), "{replay:?}");
-    assert!(replay.out.contains("667 ticks, every force and pose the same"), "{}", replay.out);
+    assert!(replay.out.contains("667 ticks, every force, torque and pose the same"), "{}", replay.out);
 
     // The scene that the trace carries has its checksum beside it, so a change is found out.
     let mut bytes = place.read("small.mcap");
@@ -228,6 +228,22 @@ mod interrupt {
         assert_eq!(rows as u64, summary["steps"].as_u64().unwrap());
         if arguments.contains("--lockstep") {
             assert!(replay(&place.path("small.mcap")).unwrap().is_identical());
+        }
+    }
+
+    /// What was written before the end can be replayed.
+    #[test]
+    fn a_run_that_was_killed() {
+        for mode in ["", "--lockstep"] {
+            let place = Place::new();
+            let mut command = place.command(&format!("run scene.toml --seconds 100000 --quiet {mode}"));
+            let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+            begun(&place, &mut child);
+            child.kill().unwrap();
+            child.wait().unwrap();
+            let replay = place.run("replay small.mcap");
+            let told = replay.err.contains("warning: small.mcap") && replay.out.contains("the same to the bit");
+            assert!(replay.code == Some(0) && told, "{mode}: {replay:?}");
         }
     }
 

@@ -48,7 +48,7 @@ pub struct SoftBody<'a, I: InverseRows> {
     pub correction: &'a mut [f64],
 }
 
-impl<I: InverseRows> Body for SoftBody<'_, I> {
+impl<I: InverseRows + Copy> Body for SoftBody<'_, I> {
     fn add_compliance(&mut self, rows: &ContactRows, dt: f64, w: &mut DMatrixViewMut<'_, f64>) -> bool {
         compliance::add(self.inverse, &rows.tissue, dt, w, self.workspace)
     }

@@ -27,7 +27,9 @@ pub enum ComplianceMethod {
     Asynchronous,
     /// From a factor of this step's matrix.
     Exact,
-    /// From the factor of the first matrix, warped by the rotations of the nodes since: nothing is ever factored again.
+    /// From the first matrix, warped by the rotations of the nodes since: nothing is ever factored again. Gathered from
+    /// its inverse between the nodes of the skin ([`SurfaceInverse`](crate::surface_inverse::SurfaceInverse)) where that
+    /// has room.
     Warped,
 }
 
@@ -113,26 +115,34 @@ impl InverseRows for Factor {
     }
 }
 
+impl<T: InverseRows> InverseRows for &T {
+    type Workspace = T::Workspace;
+
+    fn compliance_into(&self, rows: &NodalRows, scale: f64, w: DMatrixViewMut<'_, f64>, ws: &mut T::Workspace) -> bool {
+        T::compliance_into(self, rows, scale, w, ws)
+    }
+
+    fn correct(&self, lambda: &[f64], x: &mut [f64], ws: &mut T::Workspace) -> bool {
+        T::correct(self, lambda, x, ws)
+    }
+
+    fn guess(&self, lambda: &[f64], x: &mut [f64], ws: &mut T::Workspace) -> bool {
+        (**self).guess(lambda, x, ws)
+    }
+}
+
 /// The inverse that a method uses.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct WarpedInverse<'a, I> {
     /// [`ComplianceMethod::Exact`]: of this step's matrix. Otherwise: of an older one.
-    pub inverse: &'a I,
+    pub inverse: I,
     /// Rotation of each free node since the factor was taken, from then to now; none for the exact method.
     pub rotations: Option<&'a [Matrix3<f64>]>,
 }
 
-impl<I> Clone for WarpedInverse<'_, I> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<I> Copy for WarpedInverse<'_, I> {}
-
 impl<'a, I> WarpedInverse<'a, I> {
     /// The inverse as the method wants it: the exact method has nothing to warp.
-    pub fn new(method: ComplianceMethod, inverse: &'a I, rotations: &'a [Matrix3<f64>]) -> Self {
+    pub fn new(method: ComplianceMethod, inverse: I, rotations: &'a [Matrix3<f64>]) -> Self {
         match method {
             ComplianceMethod::Exact => Self { inverse, rotations: None },
             _ => Self { inverse, rotations: Some(rotations) },
@@ -153,6 +163,11 @@ impl<W> ComplianceWorkspace<W> {
     /// Memory for `rows` rows of up to three nodes, and the inverse's own workspace.
     pub fn new(rows: usize, inverse: W) -> Self {
         Self { rotated: NodalRows::with_capacity(rows, 3), inverse, own: vec![0.0; rows * rows] }
+    }
+
+    /// The inverse's own workspace.
+    pub fn inverse_mut(&mut self) -> &mut W {
+        &mut self.inverse
     }
 }
 

@@ -7,5 +7,7 @@ pub mod frame;
 pub mod law;
 pub mod lumped;
 pub mod penalty;
+pub mod precomputed;
 pub mod rows;
+pub mod surface_inverse;
 pub mod warm_start;

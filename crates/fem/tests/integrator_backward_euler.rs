@@ -1,4 +1,5 @@
-//! Backward Euler in both forms: order, numerical damping, energy, and what one has to do with the other.
+//! Backward Euler by Newton's method: order, numerical damping, energy. The same of steps with one linearisation is held by
+//! those of the program, in `tests/free_vibration.rs` at the root.
 #![allow(clippy::print_stdout)]
 
 mod integrator_setup;
@@ -7,21 +8,16 @@ use integrator_setup::{Modes, bar, bar_of, body, clamped, distance, energy};
 use nalgebra::Vector3;
 use palpate_fem::{
     integrator::{
-        backward_euler::{linearised_step, newton_step},
+        backward_euler::newton_step,
         newton::{ImplicitWorkspace, NewtonConfig, NewtonStatus},
     },
     material::Material,
     model::{FemConfig, FemModel, FemState},
 };
 
-/// One step of either form.
-fn step(newton: bool, model: &FemModel, dt: f64, state: &mut FemState, ws: &mut ImplicitWorkspace) {
-    if newton {
-        let report = newton_step(model, dt, &[], &NewtonConfig::default(), state, ws);
-        assert_eq!(report.status, NewtonStatus::Converged, "{report:?}");
-    } else {
-        assert!(linearised_step(model, dt, &[], state, ws).advanced);
-    }
+fn step(model: &FemModel, dt: f64, state: &mut FemState, ws: &mut ImplicitWorkspace) {
+    let report = newton_step(model, dt, &[], &NewtonConfig::default(), state, ws);
+    assert_eq!(report.status, NewtonStatus::Converged, "{report:?}");
 }
 
 #[test]
@@ -33,56 +29,50 @@ fn a_free_vibration_is_damped_and_slowed_as_theory_says() {
         let omega = modes.omega[k];
         for product in [0.05, 0.5, 2.0] {
             let h = product / omega;
-            for newton in [false, true] {
-                // A strain of 1e-7 keeps the law linear to that share.
-                let (mut state, amplitude) = modes.deflected(&model, k, 1e-9);
-                let steps = 6;
-                for _ in 0..steps {
-                    step(newton, &model, h, &mut state, &mut ws);
-                }
-                let [x, v] = modes.of(&model, &state, k).map(|y| y / amplitude);
-                // x + i v/ω is multiplied by 1 / (1 + i ω h) in every step.
-                let shrink = x.hypot(v / omega);
-                let theory = (1.0 + product * product).powf(-0.5 * f64::from(steps));
-                let turned = (-v / omega).atan2(x);
-                let expected = (f64::from(steps) * product.atan()).sin_cos();
-                let phase = (turned.sin() - expected.0).hypot(turned.cos() - expected.1);
-                println!(
-                    "mode {k}, ωh = {product}, newton {newton}: factor {shrink:.8} of {theory:.8}, phase {phase:.1e}"
-                );
-                // Rounding: positions of 0.08 m are known to 1e-17 m beside a motion of 1e-9 m.
-                assert!((shrink / theory - 1.0).abs() < 2e-5 && phase < 2e-5, "{shrink} {theory} {phase}");
+            // A strain of 1e-7 keeps the law linear to that share.
+            let (mut state, amplitude) = modes.deflected(&model, k, 1e-9);
+            let steps = 6;
+            for _ in 0..steps {
+                step(&model, h, &mut state, &mut ws);
             }
+            let [x, v] = modes.of(&model, &state, k).map(|y| y / amplitude);
+            // x + i v/ω is multiplied by 1 / (1 + i ω h) in every step.
+            let shrink = x.hypot(v / omega);
+            let theory = (1.0 + product * product).powf(-0.5 * f64::from(steps));
+            let turned = (-v / omega).atan2(x);
+            let expected = (f64::from(steps) * product.atan()).sin_cos();
+            let phase = (turned.sin() - expected.0).hypot(turned.cos() - expected.1);
+            println!("mode {k}, ωh = {product}: factor {shrink:.8} of {theory:.8}, phase {phase:.1e}");
+            // Rounding: positions of 0.08 m are known to 1e-17 m beside a motion of 1e-9 m.
+            assert!((shrink / theory - 1.0).abs() < 2e-5 && phase < 2e-5, "{shrink} {theory} {phase}");
         }
     }
 }
 
 #[test]
-fn both_forms_converge_with_first_order() {
+fn newtons_steps_converge_with_first_order() {
     let mesh = bar();
     let (model, _, mut ws) = body(&mesh, &clamped(&mesh, "neo_hookean"));
     let end = 0.02;
-    let mut run = |newton: bool, steps: u32| {
+    let mut run = |steps: u32| {
         let mut state = model.rest_state();
         // A swing of a few centimetres: far from linear.
         for (v, x) in state.v.iter_mut().zip(model.q_rest()) {
             *v = Vector3::new(0.0, 0.0, 60.0 * x.x * x.x);
         }
         for _ in 0..steps {
-            step(newton, &model, end / f64::from(steps), &mut state, &mut ws);
+            step(&model, end / f64::from(steps), &mut state, &mut ws);
         }
         state
     };
-    for newton in [false, true] {
-        let states = [400, 800, 1600].map(|steps| run(newton, steps));
-        let swing = states[2].q.iter().zip(model.q_rest()).map(|(q, x)| (q - x).norm()).fold(0.0, f64::max);
-        let differences = [distance(&states[0], &states[1]), distance(&states[1], &states[2])];
-        let order = (differences[0] / differences[1]).log2();
-        println!("newton {newton}: differences {differences:?} m of {swing:.3} m, order {order:.3}");
-        assert!(swing > 0.005, "{swing}");
-        // The next term of the error is smaller by h ω = 0.02 or so, hence the tenth.
-        assert!((order - 1.0).abs() < 0.1, "{order}");
-    }
+    let states = [400, 800, 1600].map(&mut run);
+    let swing = states[2].q.iter().zip(model.q_rest()).map(|(q, x)| (q - x).norm()).fold(0.0, f64::max);
+    let differences = [distance(&states[0], &states[1]), distance(&states[1], &states[2])];
+    let order = (differences[0] / differences[1]).log2();
+    println!("differences {differences:?} m of {swing:.3} m, order {order:.3}");
+    assert!(swing > 0.005, "{swing}");
+    // The next term of the error is smaller by h ω = 0.02 or so, hence the tenth.
+    assert!((order - 1.0).abs() < 0.1, "{order}");
 }
 
 /// Laws whose energy is so far from convex in ordinary motion that a step may gain from it: tissue that gives way while it
@@ -162,73 +152,6 @@ fn the_accepted_potential_never_exceeds_that_of_the_begin_whatever_the_iteration
 }
 
 #[test]
-fn the_energy_of_linearised_steps_of_linear_tissue_never_grows() {
-    let mesh = bar();
-    // The linear law, at any size; another one at a strain of 1e-7, where it is linear.
-    let cases = [("linear", 1e-2), ("neo_hookean", 1e-9)];
-    for (law, size) in cases.into_iter().filter(|(law, _)| Material::NAMES.contains(law)) {
-        let (model, _, mut ws) = body(&mesh, &clamped(&mesh, law));
-        let modes = Modes::new(&model);
-        for h in [1e-3, 1e-2, 1.0 / 30.0, 0.1, 1.0] {
-            let mut state = model.rest_state();
-            for k in [0, 3, 7, 20] {
-                let (other, _) = modes.deflected(&model, k, size);
-                state.q.iter_mut().zip(other.q.iter().zip(model.q_rest())).for_each(|(q, (o, x))| *q += o - x);
-            }
-            // Modal energy: that of the law itself drowns in rounding at such a strain.
-            let energy = |state: &FemState| -> f64 {
-                (0..modes.omega.len())
-                    .map(|k| {
-                        let [x, v] = modes.of(&model, state, k);
-                        0.5 * (modes.omega[k] * x).powi(2) + 0.5 * v * v
-                    })
-                    .sum()
-            };
-            let begin = energy(&state);
-            let mut before = begin;
-            for _ in 0..20 {
-                assert!(linearised_step(&model, h, &[], &mut state, &mut ws).advanced);
-                let after = energy(&state);
-                // Rounding of positions, 1e-17 m of 1e-9 m, squared away into the energy that is left.
-                assert!(after <= before * (1.0 + 1e-6) + 1e-14 * begin, "{law}, h {h}: {before} {after}");
-                before = after;
-            }
-        }
-    }
-}
-
-#[test]
-fn the_first_newton_iteration_is_the_linearised_step() {
-    let mesh = bar_of([4, 2, 2]);
-    // With stiffness damping at rest, where the filter has nothing to do; without it at any deformation.
-    for (beta, steps) in [(0.01, 1), (0.0, 4)] {
-        let config = FemConfig {
-            rayleigh_mass: 3.0,
-            rayleigh_stiffness: beta,
-            gravity: Vector3::new(0.0, 0.0, -9.81),
-            filter: false,
-            ..clamped(&mesh, "neo_hookean")
-        };
-        let (model, _, mut ws) = body(&mesh, &config);
-        let mut linearised = model.rest_state();
-        for (v, x) in linearised.v.iter_mut().zip(model.q_rest()) {
-            *v = Vector3::new(0.1 * x.x, 0.0, 2.0 * x.x);
-        }
-        let mut newton = linearised.clone();
-        let one = NewtonConfig { iterations: 1, tolerance: 1e-12 };
-        for k in 0..steps {
-            let report = newton_step(&model, 0.01, &[], &one, &mut newton, &mut ws);
-            assert_eq!((report.iterations, report.cuts, report.filtered), (1, 0, 0), "step {k}: {report:?}");
-            assert!(linearised_step(&model, 0.01, &[], &mut linearised, &mut ws).advanced);
-            // Two ways to the same linear system, solved by the same factorisation: rounding only.
-            let difference = distance(&newton, &linearised);
-            assert!(difference < 1e-12, "step {k}: {difference:e}");
-        }
-        assert!(distance(&newton, &model.rest_state()) > 1e-4, "it moved");
-    }
-}
-
-#[test]
 fn newtons_residual_falls_quadratically_and_one_linearisation_leaves_one() {
     let mesh = bar_of([6, 2, 2]);
     let config = FemConfig { gravity: Vector3::new(0.0, 0.0, -9.81), ..clamped(&mesh, "neo_hookean") };
@@ -256,7 +179,5 @@ fn a_step_that_cannot_be_taken_leaves_the_state_and_says_so() {
     let q = state.q.clone();
     let report = newton_step(&model, 0.01, &[], &NewtonConfig::default(), &mut state, &mut ws);
     assert_eq!(report.status, NewtonStatus::NonFinite);
-    assert_eq!(state.q, q);
-    assert!(!linearised_step(&model, 0.01, &[], &mut state, &mut ws).advanced);
     assert_eq!(state.q, q);
 }

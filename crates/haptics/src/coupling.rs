@@ -27,7 +27,10 @@
 //! K u (n + ½) T  <  b + B u²          (first order in T, no friction, no hand)
 //! ```
 //! which holds for *every* K_w when K (n + ½) T < 2 √(b B) (and b < B): [`stiffness_for_any_wall`]. A hand adds its own damping to b.
-//! These bounds are for the linear loop; a contact that opens and closes, and the encoder, are held by tests.
+//! These bounds are for the linear loop; a contact that opens and closes, and the encoder, are held by tests. The first
+//! is Colgate and Schenkel's b + B > K (T/2 + t_d) [J. Robotic Systems 14 (1997) 37; with delay: Hulin, Albu-Schäffer
+//! and Hirzinger, IEEE TCST 22 (2014) 1297]. An encoder step Δ is dissipated by Coulomb friction f_c up to
+//! K = 2 f_c / Δ [Abbott and Okamura, IEEE T-RO 21 (2005) 952].
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
@@ -39,6 +42,18 @@ use crate::wrench::Wrench;
 
 /// Largest default stiffness of the coupling \[N/m\].
 const MAX_DEFAULT_STIFFNESS: f64 = 1000.0;
+
+/// Largest default damping of the coupling \[N s/m\].
+const MAX_DEFAULT_DAMPING: f64 = 2.0;
+
+/// What the bound of the stiffness is divided by.
+pub const MARGIN: f64 = 1.2;
+
+/// Damping of a hand that holds a device lightly \[N s/m\]: the low end of what is measured (1 to 5).
+pub const LIGHT_GRIP: f64 = 1.0;
+
+/// Ticks from a wrench to its effect where a device does not state them.
+pub const UNKNOWN_DELAY: usize = 1;
 
 /// A spring and a damper, in N/m and N s/m, or in N m/rad and N m s/rad.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -62,12 +77,25 @@ pub struct CouplingConfig {
 }
 
 impl CouplingConfig {
-    /// The default for a device: K = min(half of what the device renders, 1000 N/m), B = 2 N s/m or what the device
-    /// renders, if that is less; rotation rigid.
+    /// What suits a device at its own rate: [`CouplingConfig::at_rate`].
     #[must_use]
     pub fn for_device(spec: &DeviceSpec) -> Self {
-        let stiffness = (0.5 * spec.max_stiffness).min(MAX_DEFAULT_STIFFNESS);
-        Self { translation: Spring { stiffness, damping: spec.max_damping.min(2.0) }, rotation: None }
+        Self::at_rate(spec, spec.rate)
+    }
+
+    /// What suits a device at `rate` \[Hz\], > 0; rotation rigid.
+    ///
+    /// K is the least of 1000 N/m, half of the stiffness that the record states for its rate (in proportion at a lower
+    /// one; a higher one is not trusted with more), and the bound for any wall ([`stiffness_bound`]) over 1.2, for the
+    /// bound is of first order in T and right within a tenth. B is 2 N s/m, or less where the device renders less, or
+    /// where the damper would be fast against the loop's lag: B ≤ m / (4 (n + ½) T), a sixth of its own stable limit.
+    #[must_use]
+    pub fn at_rate(spec: &DeviceSpec, rate: f64) -> Self {
+        let damping = damping_of(spec, rate);
+        let recorded = 0.5 * spec.max_stiffness * (rate / spec.rate).min(1.0);
+        let bound = stiffness_bound(spec, damping, rate).stiffness / MARGIN;
+        let stiffness = recorded.min(MAX_DEFAULT_STIFFNESS).min(bound);
+        Self { translation: Spring { stiffness, damping }, rotation: None }
     }
 
     /// Checks the numbers.
@@ -97,6 +125,57 @@ pub fn stiffness_for_any_wall(device_damping: f64, coupling_damping: f64, period
     } else {
         (device_damping + coupling_damping) / lag
     }
+}
+
+/// Whose damping a bound of the stiffness rests on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BoundGrounds {
+    /// The device's own: stable with nobody holding it.
+    Device,
+    /// Unknown for the device, so that of a hand that holds it lightly: 1 N s/m. What a released device does is left to
+    /// its friction and to the passivity layer.
+    LightGrip,
+    /// The device's Coulomb friction against its encoder step.
+    Encoder,
+}
+
+/// The largest stiffness of a coupling that theory grants.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StiffnessBound {
+    /// \[N/m\]
+    pub stiffness: f64,
+    /// What it rests on.
+    pub grounds: BoundGrounds,
+}
+
+/// Largest K \[N/m\] on this device at `rate` \[Hz\] with the coupling's damping B \[N s/m\], against a wall of any
+/// stiffness: [`stiffness_for_any_wall`], or 2 f_c / Δ where friction and resolution are known and that is less. A delay
+/// that the record does not state is taken as one tick.
+#[must_use]
+pub fn stiffness_bound(spec: &DeviceSpec, coupling_damping: f64, rate: f64) -> StiffnessBound {
+    let (damping, grounds) = match spec.damping {
+        Some(damping) => (damping, BoundGrounds::Device),
+        None => (LIGHT_GRIP, BoundGrounds::LightGrip),
+    };
+    let delay = spec.delay_ticks.unwrap_or(UNKNOWN_DELAY);
+    let loop_bound =
+        StiffnessBound { stiffness: stiffness_for_any_wall(damping, coupling_damping, 1.0 / rate, delay), grounds };
+    // Without friction an encoder buzzes by its own step at any stiffness: no bound follows.
+    let friction = spec.friction.filter(|friction| *friction > 0.0);
+    let quantised = friction.zip(spec.resolution).map(|(friction, step)| 2.0 * friction / step);
+    match quantised {
+        Some(stiffness) if stiffness < loop_bound.stiffness => {
+            StiffnessBound { stiffness, grounds: BoundGrounds::Encoder }
+        }
+        _ => loop_bound,
+    }
+}
+
+/// B of the default coupling \[N s/m\].
+fn damping_of(spec: &DeviceSpec, rate: f64) -> f64 {
+    let lag = (spec.delay_ticks.unwrap_or(UNKNOWN_DELAY) as f64 + 0.5) / rate;
+    let slow = spec.mass.map_or(f64::INFINITY, |mass| 0.25 * mass / lag);
+    spec.max_damping.min(MAX_DEFAULT_DAMPING).min(slow)
 }
 
 /// One spring at a fixed period.

@@ -1,16 +1,18 @@
 //! The last word before the motors: magnitude, slew, fade-in and fade-out.
 //!
-//! In order: a value that is not finite ends the force at once; the contact wrench is scaled by a gain in 0..1; its
-//! force and torque are cut to their largest magnitude; their change from the tick before is cut to the slew rate. The
-//! last two commute safely: both the old force and the new target lie in the same ball, and so does any point between.
+//! In order: a value that is not finite ends the force at once; the contact wrench is scaled by a gain in 0..1; what the
+//! port's energy allows is left of it ([`crate::passivity`]); its force and torque are cut to their largest magnitude; the
+//! power f · v + τ · ω that it gives to the hand is cut to its limit, by scaling it; its change from the tick before is
+//! cut to the slew rate. Magnitude and slew commute safely: both the old force and the new target lie in the same ball,
+//! and so does any point between. A power that is too large because the hand has sped up comes down at the slew rate.
 //!
 //! One gain serves every reason to fade,
 //! ```text
 //! gain = min(gain₋ + dt / fade_in, s(age))
 //! s = 1 up to stale_after, 0 from stale_zero on, linear between
 //! ```
-//! It starts at 0 and falls back to 0 after a gap between ticks, a device error, a value that is not finite, or a
-//! snapshot that is not valid, and so every return of the force is a ramp.
+//! It starts at 0 and falls back to 0 after a gap between ticks, a device error, a value that is not finite, a jump of
+//! the pose, or a snapshot that is not valid, and so every return of the force is a ramp.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -19,7 +21,7 @@ use crate::SetupError;
 use crate::device::DeviceSpec;
 use crate::error::{non_negative, positive};
 use crate::record::TickFlags;
-use crate::wrench::Wrench;
+use crate::wrench::{Twist, Wrench};
 
 /// Limits as described by a scene; the device's own are taken from its record.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,6 +31,8 @@ pub struct LimitsConfig {
     pub max_force: Option<f64>,
     /// Largest torque, if below the device's \[N m\], ≥ 0 (none).
     pub max_torque: Option<f64>,
+    /// Largest power given to the hand, if below the device's \[W\], > 0 (none).
+    pub max_power: Option<f64>,
     /// Largest change of force \[N/s\], > 0 (2000: 2 N in a tick, a damper of 2 N s/m met at 1 m/s).
     pub force_slew: f64,
     /// Largest change of torque \[N m/s\], > 0 (40).
@@ -41,6 +45,10 @@ pub struct LimitsConfig {
     pub stale_zero: f64,
     /// Time between two ticks that counts as a gap \[s\], > 0 (0.05).
     pub gap: f64,
+    /// Speed above which a motion of the device is no hand's \[m/s\], > 0 (5).
+    pub jump_speed: f64,
+    /// Length of such a motion, in one tick or several, at which the pose is taken to have jumped \[m\], > 0 (0.02).
+    pub jump_distance: f64,
 }
 
 impl Default for LimitsConfig {
@@ -48,12 +56,15 @@ impl Default for LimitsConfig {
         Self {
             max_force: None,
             max_torque: None,
+            max_power: None,
             force_slew: 2000.0,
             torque_slew: 40.0,
             fade_in: 0.3,
             stale_after: 0.2,
             stale_zero: 0.5,
             gap: 0.05,
+            jump_speed: 5.0,
+            jump_distance: 0.02,
         }
     }
 }
@@ -63,6 +74,7 @@ impl Default for LimitsConfig {
 pub struct Limits {
     max_force: f64,
     max_torque: f64,
+    max_power: f64,
     config: LimitsConfig,
 }
 
@@ -91,11 +103,14 @@ impl Limits {
         spec.validate()?;
         config.max_force.map_or(Ok(()), |force| positive("limits max_force [N]", force))?;
         config.max_torque.map_or(Ok(()), |torque| non_negative("limits max_torque [N m]", torque))?;
+        config.max_power.map_or(Ok(()), |power| positive("limits max_power [W]", power))?;
         positive("limits force_slew [N/s]", config.force_slew)?;
         positive("limits torque_slew [N m/s]", config.torque_slew)?;
         positive("limits fade_in [s]", config.fade_in)?;
         positive("limits stale_after [s]", config.stale_after)?;
         positive("limits gap [s]", config.gap)?;
+        positive("limits jump_speed [m/s]", config.jump_speed)?;
+        positive("limits jump_distance [m]", config.jump_distance)?;
         if !(config.stale_zero.is_finite() && config.stale_zero > config.stale_after) {
             let (value, range) = (config.stale_zero, "finite and above stale_after");
             return Err(SetupError::OutOfRange { what: "limits stale_zero [s]", value, range });
@@ -103,6 +118,7 @@ impl Limits {
         Ok(Self {
             max_force: config.max_force.map_or(spec.max_force, |force| force.min(spec.max_force)),
             max_torque: config.max_torque.map_or(spec.max_torque, |torque| torque.min(spec.max_torque)),
+            max_power: config.max_power.unwrap_or(f64::INFINITY).min(spec.max_power.unwrap_or(f64::INFINITY)),
             config: *config,
         })
     }
@@ -119,21 +135,46 @@ impl Limits {
         self.max_torque
     }
 
+    /// Largest power that is given to the hand, by the velocity that the device estimates \[W\]; infinite: no limit.
+    #[must_use]
+    pub fn max_power(&self) -> f64 {
+        self.max_power
+    }
+
+    /// Whether no hand moves a device by `distance` \[m\] in `dt` \[s\].
+    #[must_use]
+    pub fn is_inhuman(&self, distance: f64, dt: f64) -> bool {
+        distance > self.config.jump_speed * dt
+    }
+
+    /// Whether a motion of that kind and this length \[m\] is a jump of the pose.
+    #[must_use]
+    pub fn is_jump(&self, length: f64) -> bool {
+        length > self.config.jump_distance
+    }
+
     /// Whether `dt` \[s\] since the tick before is a gap.
     #[must_use]
     pub fn is_gap(&self, dt: f64) -> bool {
         dt.is_nan() || dt > self.config.gap
     }
 
-    /// The wrench to send for this contact wrench \[N, N m\].
+    /// The share of this contact wrench \[N, N m\] that the fades let through; `None`, and no force, where it is not
+    /// finite.
     ///
-    /// `age` of the snapshot and `dt` since the tick before in s, `dt` finite and at least 0. Sets the flag of each
-    /// limit that acted. The result is finite and within the limits, whatever the arguments.
-    pub fn apply(&self, state: &mut LimitsState, target: &Wrench, age: f64, dt: f64, flags: &mut TickFlags) -> Wrench {
+    /// `age` of the snapshot and `dt` since the tick before in s, `dt` finite and at least 0. Sets the flags of fades.
+    pub fn fade(
+        &self,
+        state: &mut LimitsState,
+        target: &Wrench,
+        age: f64,
+        dt: f64,
+        flags: &mut TickFlags,
+    ) -> Option<Wrench> {
         if !target.is_finite() {
             flags.set(TickFlags::NON_FINITE);
             state.cut();
-            return Wrench::zero();
+            return None;
         }
         let fresh = self.freshness(age);
         if fresh < 1.0 {
@@ -144,9 +185,28 @@ impl Limits {
             flags.set(TickFlags::FADE_IN);
         }
         state.gain = rising.min(fresh);
+        Some(Wrench { force: target.force * state.gain, torque: target.torque * state.gain })
+    }
 
-        let (force, force_cut) = cut_norm(target.force * state.gain, self.max_force);
-        let (torque, torque_cut) = cut_norm(target.torque * state.gain, self.max_torque);
+    /// What of this wrench \[N, N m\] is sent to a hand that moves like this.
+    ///
+    /// `target` is finite. Sets the flag of each limit that acted. The result is finite and within the limits.
+    pub fn bound(
+        &self,
+        state: &mut LimitsState,
+        target: &Wrench,
+        velocity: &Twist,
+        dt: f64,
+        flags: &mut TickFlags,
+    ) -> Wrench {
+        let (mut force, force_cut) = cut_norm(target.force, self.max_force);
+        let (mut torque, torque_cut) = cut_norm(target.torque, self.max_torque);
+        let power = force.dot(&velocity.linear) + torque.dot(&velocity.angular);
+        // False for a velocity that is not finite.
+        if power.is_finite() && power > self.max_power {
+            flags.set(TickFlags::POWER_LIMITED);
+            (force, torque) = (force * (self.max_power / power), torque * (self.max_power / power));
+        }
         let (force_step, force_slewed) = cut_norm(force - state.sent.force, self.config.force_slew * dt);
         let (torque_step, torque_slewed) = cut_norm(torque - state.sent.torque, self.config.torque_slew * dt);
         flags.set_if(force_cut, TickFlags::FORCE_LIMITED);
@@ -165,9 +225,8 @@ impl Limits {
 
     /// Brings the force to zero at the slew rate and makes its return a ramp: for a contact problem that is not there.
     pub fn release(&self, state: &mut LimitsState, dt: f64, flags: &mut TickFlags) -> Wrench {
-        let sent = self.apply(state, &Wrench::zero(), 0.0, dt, flags);
         state.gain = 0.0;
-        sent
+        self.bound(state, &Wrench::zero(), &Twist::default(), dt, flags)
     }
 
     /// s(age); 0 for an age that is not a number.

@@ -42,8 +42,19 @@ impl TickFlags {
     pub const LOCAL: Self = Self(1 << 14);
     /// The tool has gone so far since the snapshot that skin beyond its patch could touch it unseen.
     pub const BEYOND_PATCH: Self = Self(1 << 15);
+    /// The energy account of the port was overdrawn, and the wrench was reduced along the motion.
+    pub const PASSIVITY: Self = Self(1 << 16);
+    /// The power given to the hand was cut to its limit.
+    pub const POWER_LIMITED: Self = Self(1 << 17);
+    /// The tick came later than half a period after its time.
+    pub const LATE: Self = Self(1 << 18);
+    /// The device's pose has jumped, and there is no force until the tool is out of contact or back where it was.
+    pub const JUMPED: Self = Self(1 << 19);
 
-    const NAMES: [&'static str; 16] = [
+    /// Number of flags, which are the lowest bits.
+    pub const COUNT: usize = 20;
+
+    const NAMES: [&'static str; Self::COUNT] = [
         "new_snapshot",
         "no_snapshot",
         "invalid_snapshot",
@@ -60,6 +71,10 @@ impl TickFlags {
         "bad_pose",
         "local",
         "beyond_patch",
+        "passivity",
+        "power_limited",
+        "late",
+        "jumped",
     ];
 
     /// The bits.
@@ -92,6 +107,17 @@ impl TickFlags {
     }
 }
 
+/// Energy \[J\] that has gone through the device's port; positive: from the hand into the simulation.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PortEnergy {
+    /// By forces, since the start.
+    pub translation: f64,
+    /// By torques, since the start.
+    pub rotation: f64,
+    /// By both, of the contact that lasts ([`crate::passivity`]).
+    pub account: f64,
+}
+
 /// What one tick did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TickRecord {
@@ -99,6 +125,8 @@ pub struct TickRecord {
     pub index: u64,
     /// Its time \[s\].
     pub time: f64,
+    /// Time since the tick before, as measured \[s\].
+    pub dt: f64,
     /// Pose that the device measured; the last good one if it did not answer.
     pub device_pose: Isometry3<f64>,
     /// Velocity of the device as it estimates it \[m/s, rad/s\]; zero if it did not answer.
@@ -128,6 +156,8 @@ pub struct TickRecord {
     pub force_jump: f64,
     /// Share of the contact wrench that was let through by the fades, 0 to 1.
     pub gain: f64,
+    /// What has gone through the device's port until this tick.
+    pub energy: PortEnergy,
     /// What happened.
     pub flags: TickFlags,
     /// Why the device did not answer.

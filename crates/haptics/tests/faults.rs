@@ -41,7 +41,11 @@ impl Rig {
     }
 
     fn step(&mut self) {
-        let (number, place) = (self.snapshot.step + 1, pose(pressed()));
+        self.step_at(pressed());
+    }
+
+    fn step_at(&mut self, tool: Vector3<f64>) {
+        let (number, place) = (self.snapshot.step + 1, pose(tool));
         Sheet { friction: 0.3, ..Sheet::springs(1e-3) }.fill(&mut self.snapshot, number, &self.ball, &place);
     }
 
@@ -129,6 +133,108 @@ fn a_pose_that_jumps_by_a_tenth_of_a_metre_in_a_tick_sends_no_wild_force() {
             assert!((back - full).abs() < 0.35 * full, "{jump}, {stays} ticks: {back} of {full}");
         }
     }
+}
+
+#[test]
+fn a_tool_that_jumped_gives_no_force_until_it_is_out_or_back() {
+    // To the side, where the skin is pressed as deep: the contact that is found there is not one that the hand made.
+    let beside = pressed() + Vector3::new(22e-3, 0.0, 0.0);
+    let mut rig = Rig::new();
+    let full = rig.press();
+    for k in 0..600 {
+        if k % 33 == 0 {
+            rig.step_at(beside);
+        }
+        let record = rig.tick(beside, 1e-3);
+        assert!(record.flags.contains(TickFlags::JUMPED), "tick {k}");
+        assert!(k < 2 || record.wrench.force == Vector3::zeros(), "tick {k}: {}", record.wrench.force);
+    }
+    // Back where it was: a ramp.
+    let back = rig.tick(pressed(), 1e-3);
+    assert!(!back.flags.contains(TickFlags::JUMPED) && back.flags.contains(TickFlags::FADE_IN));
+    assert!(back.wrench.force.norm() < 0.02 * full, "{} of {full} N", back.wrench.force.norm());
+
+    // Jumped again, and lifted out by a hand: it is free there, and the next press is felt.
+    let mut rig = Rig::new();
+    rig.press();
+    (0..200).for_each(|_| _ = rig.tick(beside, 1e-3));
+    let lift = |k: u32| beside + Vector3::z() * 1e-4 * f64::from(k.min(100));
+    for k in 0..200 {
+        if k % 33 == 0 {
+            rig.step_at(lift(k));
+        }
+        rig.tick(lift(k), 1e-3);
+    }
+    assert!(!rig.tick(lift(100), 1e-3).flags.contains(TickFlags::JUMPED));
+    for k in 0..=100 {
+        let z = lift(100).z;
+        let share = f64::from(k) / 100.0;
+        rig.tick(Vector3::new(beside.x * (1.0 - share), 0.0, z), 1e-3);
+    }
+    for k in 0..=100 {
+        rig.tick(pressed() + Vector3::z() * (1e-2 - 1e-4 * f64::from(k)), 1e-3);
+    }
+    assert!((rig.press() - full).abs() < 0.35 * full);
+}
+
+#[test]
+fn a_motion_that_a_hand_can_make_is_no_jump() {
+    // 3 m/s for 0.1 m, and an encoder that slips by 19 mm in one tick.
+    let mut rig = Rig::new();
+    rig.press();
+    for k in 0..33 {
+        let record = rig.tick(pressed() + Vector3::x() * 3e-3 * f64::from(k), 1e-3);
+        assert!(!record.flags.contains(TickFlags::JUMPED), "tick {k}");
+    }
+    let mut rig = Rig::new();
+    rig.press();
+    assert!(!rig.tick(pressed() + Vector3::x() * 19e-3, 1e-3).flags.contains(TickFlags::JUMPED));
+    // 20 m/s, over several ticks.
+    let mut rig = Rig::new();
+    rig.press();
+    let jumped: Vec<bool> = (0..10)
+        .map(|k| rig.tick(pressed() + Vector3::x() * 7e-3 * f64::from(k), 1e-3).flags.contains(TickFlags::JUMPED))
+        .collect();
+    assert_eq!(jumped.iter().position(|jumped| *jumped), Some(3), "after 21 mm: {jumped:?}");
+}
+
+/// The last two seconds of a day against the first two: times are differences of large numbers by then.
+#[test]
+fn after_a_day_the_counts_are_exact_and_the_forces_are_those_of_the_first_seconds() {
+    const DAY: u64 = 86_400_000;
+    let run = |first: u64| {
+        let mut rig = Rig::new();
+        let (mut before, mut records) = (first as f64 * 1e-3 - 1e-3, Vec::new());
+        for k in 0..2000 {
+            if k % 33 == 0 {
+                rig.step();
+                rig.snapshot.step += first / 33;
+            }
+            let index = first + k;
+            let time = TickTime { index, time: index as f64 * 1e-3, dt: index as f64 * 1e-3 - before };
+            before = time.time;
+            let way = Vector3::z() * 1e-3 * (time_of(k) * 9.0).sin();
+            records.push(rig.tick.tick(&mut rig.state, &rig.snapshot, &at(pressed() - way), time, &mut rig.ws));
+        }
+        records
+    };
+    let (young, old) = (run(0), run(DAY));
+    assert!(young.last().unwrap().wrench.force.norm() > 0.1);
+    for (k, (a, b)) in young.iter().zip(&old).enumerate() {
+        assert_eq!((b.index, b.active), (DAY + k as u64, a.active));
+        // The ramp ends in this tick or the next.
+        let but_fading = |r: &TickRecord| r.flags.bits() & !TickFlags::FADE_IN.bits();
+        assert_eq!(but_fading(a), but_fading(b), "tick {k}");
+        assert!((b.time - 86_400.0 - time_of(k as u64)).abs() < 2e-11, "{}", b.time);
+        // The difference of two times of a day has lost 1.5e-11 s of 1e-3 s, and a ramp of 300 of them as often.
+        assert!((a.wrench.force - b.wrench.force).norm() < 1e-7 * (1.0 + a.wrench.force.norm()), "tick {k}");
+        assert!((a.snapshot_age - b.snapshot_age).abs() < 1e-9);
+        assert!((a.energy.translation - b.energy.translation).abs() < 1e-9, "tick {k}");
+    }
+}
+
+fn time_of(tick: u64) -> f64 {
+    tick as f64 * 1e-3
 }
 
 #[test]

@@ -10,7 +10,7 @@ use palpate_haptics::record::TickFlags;
 use palpate_haptics::run::run_tick;
 use palpate_haptics::script::HandScript;
 use palpate_haptics::tick::TickConfig;
-use palpate_haptics::wrench::Wrench;
+use palpate_haptics::wrench::{Twist, Wrench};
 use proptest::prelude::*;
 use rig::{Bench, PERIOD, Wall, at, patient, snapshot_of, strong_spec};
 
@@ -110,11 +110,66 @@ fn slew_is_cut_to_its_rate() {
     let target = Wrench { force: Vector3::new(6.0, 8.0, 0.0), torque: Vector3::z() };
     for tick in 1..=30 {
         let mut flags = TickFlags::default();
-        let sent = limits.apply(&mut state, &target, 0.0, 1e-3, &mut flags);
+        let faded = limits.fade(&mut state, &target, 0.0, 1e-3, &mut flags).unwrap();
+        let sent = limits.bound(&mut state, &faded, &Twist::default(), 1e-3, &mut flags);
         let share = f64::min(f64::from(tick) * 2.0, 10.0) / 10.0;
         assert!((sent.force - target.force * share).norm() < 1e-12);
         assert!((sent.torque.z - f64::min(f64::from(tick) * 0.04, 1.0)).abs() < 1e-12);
         assert_eq!(flags.contains(TickFlags::SLEW_LIMITED), tick < 25, "tick {tick}");
+    }
+}
+
+#[test]
+fn power_is_cut_to_its_limit_exactly_where_it_is_above_it() {
+    let spec = DeviceSpec { max_power: Some(2.0), ..strong_spec() };
+    for (scene, allowed) in [(None, 2.0), (Some(5.0), 2.0), (Some(0.5), 0.5)] {
+        let config = LimitsConfig { max_power: scene, force_slew: 1e9, torque_slew: 1e9, ..LimitsConfig::default() };
+        let limits = Limits::new(&config, &spec).unwrap();
+        assert_eq!(limits.max_power(), allowed);
+        let mut cuts = 0;
+        for k in 0..400 {
+            let t = f64::from(k) * 0.1;
+            let velocity = Twist { linear: Vector3::new(t.sin(), 0.4 * t.cos(), 0.1), angular: Vector3::z() * t.cos() };
+            let target = Wrench { force: Vector3::new(3.0, (0.7 * t).sin(), 0.0), torque: Vector3::z() * 0.3 };
+            let mut flags = TickFlags::default();
+            let sent = limits.bound(&mut LimitsState::default(), &target, &velocity, PERIOD, &mut flags);
+            let power = |w: &Wrench| w.force.dot(&velocity.linear) + w.torque.dot(&velocity.angular);
+            let above = power(&target) > allowed;
+            assert_eq!(flags.contains(TickFlags::POWER_LIMITED), above, "{} W", power(&target));
+            let share = if above { allowed / power(&target) } else { 1.0 };
+            assert!((sent.force - target.force * share).norm() < 1e-14 && power(&sent) <= allowed * (1.0 + 1e-12));
+            assert!((sent.torque - target.torque * share).norm() < 1e-14);
+            cuts += usize::from(above);
+        }
+        assert!((20..380).contains(&cuts), "{cuts}");
+    }
+    // No limit where nobody states one, and none for a hand that the force brakes.
+    let limits = Limits::new(&LimitsConfig::default(), &DeviceSpec { max_power: None, ..strong_spec() }).unwrap();
+    let mut flags = TickFlags::default();
+    let fast = Twist { linear: Vector3::x() * 50.0, ..Twist::default() };
+    let pushed = Wrench::from_force(Vector3::x());
+    assert_eq!(limits.bound(&mut LimitsState::default(), &pushed, &fast, 1.0, &mut flags), pushed);
+    assert_eq!(flags, TickFlags::default());
+}
+
+#[test]
+fn a_tick_is_late_from_half_a_period_on_and_its_time_is_told() {
+    let mut bench = Bench::strong();
+    let full = bench.warm_up(&floor(1), &pressed()).wrench.force.z;
+    for (dt, late, gap) in [
+        (0.2e-3, false, false),
+        (1e-3, false, false),
+        (1.49e-3, false, false),
+        (1.51e-3, true, false),
+        (0.049, true, false),
+        (0.051, true, true),
+    ] {
+        let time = TickTime { index: 400, time: 0.4, dt };
+        let record = bench.tick.tick(&mut bench.state, &floor(1), &pressed(), time, &mut bench.ws);
+        assert_eq!(record.flags.contains(TickFlags::LATE), late, "{dt}");
+        assert_eq!(record.flags.contains(TickFlags::GAP), gap, "{dt}");
+        assert_eq!(record.dt, dt);
+        assert_eq!(record.wrench.force.z < 0.5 * full, gap, "the force fades where it is later than the gap: {dt}");
     }
 }
 
@@ -228,12 +283,15 @@ fn documented_defaults_are_the_defaults() {
     let expected = LimitsConfig {
         max_force: None,
         max_torque: None,
+        max_power: None,
         force_slew: 2000.0,
         torque_slew: 40.0,
         fade_in: 0.3,
         stale_after: 0.2,
         stale_zero: 0.5,
         gap: 0.05,
+        jump_speed: 5.0,
+        jump_distance: 0.02,
     };
     assert_eq!(serde_json::from_str::<LimitsConfig>("{}").unwrap(), expected);
     let touch = TickConfig::for_device(&DeviceSpec::preset("touch").unwrap());

@@ -108,7 +108,7 @@ fn a_million_ticks_on_patches_with_faults_allocate_nothing() {
     let (mut writer, mut reader) = latest(&HapticSnapshot::with_patch(40, NODES));
     let (mut records, mut recorded) = every::<TickRecord>(64);
 
-    let mut seen = [0_u32; 16];
+    let mut seen = [0_u32; TickFlags::COUNT];
     let (mut pressed, mut previous, mut changed) = (0_u32, 0, 0_u32);
     let mut before = Vector3::zeros();
     for index in 0..TICKS {

@@ -21,8 +21,9 @@ fn none() -> Hand {
 
 #[test]
 fn free_response_is_that_of_a_mass_on_spring_and_damper() {
-    let over_damped = Hand { mass: 0.05, damping: 4.0, stiffness: 5.0 };
-    for hand in HAND_PRESETS.iter().map(|preset| preset.hand).chain([over_damped]) {
+    let over_damped = Hand::rigid(0.05, 4.0, 5.0);
+    let rigid = HAND_PRESETS.iter().map(|preset| preset.hand).filter(|hand| hand.grasp.is_none());
+    for hand in rigid.chain([over_damped]) {
         let v0 = 0.3;
         let config = VirtualDeviceConfig::ideal(1);
         let mut device = VirtualDevice::new(config, hand, still()).unwrap().with_velocity(Vector3::y() * v0);
@@ -152,6 +153,34 @@ fn a_run_is_the_same_to_the_bit() {
 }
 
 #[test]
+fn a_jitter_samples_late_by_a_share_of_it_and_is_a_function_of_seed_and_tick() {
+    let run = |jitter: f64, seed: u64| {
+        let config = VirtualDeviceConfig { jitter, seed, ..VirtualDeviceConfig::ideal(0) };
+        let mut device = VirtualDevice::new(config, none(), still()).unwrap().with_velocity(Vector3::x() * 0.1);
+        (0..2000)
+            .map(|index| {
+                let tick = TickTime::regular(index, PERIOD);
+                let sample = device.read(tick).unwrap();
+                (sample.time - tick.time, device.position().x, sample.time)
+            })
+            .collect::<Vec<_>>()
+    };
+    let late = run(0.4e-3, 7);
+    // Free motion to the device's own time: x = v0 m/b (1 − e^(−b t/m)), whatever the sequence of times.
+    for (delay, x, time) in &late[1..] {
+        assert!((0.0..0.4e-3).contains(delay), "{delay} s late");
+        let expected = 0.1 * 0.5 * (1.0 - (-2.0 * time).exp());
+        assert!((x - expected).abs() < 1e-12, "{time} s: {x} != {expected}");
+    }
+    // Uniform on [0, 0.4) ms: mean 0.2 ms with a deviation of 0.4/sqrt(12 · 2000) ms.
+    let mean = late.iter().map(|(delay, ..)| delay).sum::<f64>() / 2000.0;
+    assert!((mean - 0.2e-3).abs() < 4.0 * 0.4e-3 / (12.0_f64 * 2000.0).sqrt(), "{mean} s");
+    assert_eq!(late, run(0.4e-3, 7));
+    assert_ne!(late, run(0.4e-3, 8));
+    assert!(run(0.0, 7).iter().all(|(delay, ..)| *delay == 0.0));
+}
+
+#[test]
 fn devices_open_by_uri_and_unknown_names_list_the_known() {
     let setup = DeviceSetup { script: still(), hand: Hand::default(), mechanics: VirtualDeviceConfig::default() };
     for uri in ["virtual", "virtual:arm", "virtual:none", "scripted"] {
@@ -165,7 +194,7 @@ fn devices_open_by_uri_and_unknown_names_list_the_known() {
     }
     let unknown = |uri| device::open(uri, &setup).err().map(|error| error.to_string()).unwrap_or_default();
     assert_eq!(unknown("omega"), "unknown device `omega`: known are virtual, scripted");
-    assert!(unknown("virtual:fist").contains("none, fingertip, stylus, arm, firm"));
+    assert!(unknown("virtual:fist").contains("none, loose, normal, firm, fingertip, stylus, arm"));
 }
 
 #[test]
@@ -178,12 +207,15 @@ fn numbers_out_of_range_are_refused_by_name() {
         (VirtualDeviceConfig { delay_ticks: 16, ..good }, "delay_ticks"),
         (VirtualDeviceConfig { substeps: 0, ..good }, "substeps"),
         (VirtualDeviceConfig { velocity_cutoff: 0.0, ..good }, "velocity_cutoff"),
+        (VirtualDeviceConfig { jitter: -1e-4, ..good }, "jitter"),
     ];
     for (config, name) in bad {
         let error = VirtualDevice::new(config, none(), still()).unwrap_err();
         assert!(matches!(error, SetupError::OutOfRange { what, .. } if what.contains(name)), "{error}");
     }
     assert!(Hand { stiffness: -1.0, ..none() }.validate().is_err());
+    assert!(none().grasping(100.0, 1.0).validate().is_err(), "two springs without a mass between them");
+    assert!(Hand::rigid(0.1, 0.0, 0.0).grasping(0.0, 1.0).validate().is_err());
 }
 
 #[test]
@@ -197,6 +229,8 @@ fn documented_defaults_are_the_defaults() {
         delay_ticks: 1,
         velocity_cutoff: 100.0,
         substeps: 10,
+        jitter: 0.0,
+        seed: 0,
     };
     assert_eq!(config, expected);
     assert_eq!(Hand::default(), Hand::preset("fingertip").unwrap());

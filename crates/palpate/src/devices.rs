@@ -38,9 +38,10 @@ pub(crate) fn keys_without_effect(device: &DeviceDescription) -> impl Iterator<I
         [("library", device.library.is_some()), ("url", device.url.is_some()), ("trace", device.trace.is_some())];
     let reads = move |key: &str| driver.is_some_and(|driver| driver.keys.contains(&key));
     let placed = device.kind == PORT || driver.is_some_and(|driver| driver.own_frame);
-    let moved = device.place() != PlaceConfig::default();
-    let keys = given.into_iter().filter(move |(key, given)| *given && !reads(key)).map(|(key, _)| key);
-    keys.chain((moved && !placed).then_some("origin"))
+    let default = PlaceConfig::default();
+    let place = [("origin", device.origin != default.origin), ("axes", device.axes != default.axes)];
+    let keys = given.into_iter().filter(move |(key, given)| *given && !reads(key));
+    keys.chain(place.into_iter().filter(move |(_, moved)| *moved && !placed)).map(|(key, _)| key)
 }
 
 /// Names of all hands.
@@ -54,13 +55,13 @@ pub(crate) fn spec(description: &DeviceDescription, own: Option<&DeviceSpec>) ->
         (Some(record), _, _) => record.validate().map(|()| record.clone()),
         (None, Some(name), _) => DeviceSpec::preset(name),
         (None, None, Some(own)) => Ok(own.clone()),
-        (None, None, None) => Ok(DeviceSpec::virtual_device(description.mechanics.encoder_step)),
+        (None, None, None) => Ok(DeviceSpec::of_mechanics(&description.mechanics)),
     }
 }
 
 /// The coupling that the scene names, or the one that suits its device.
 pub(crate) fn coupling(scene: &SceneDescription, spec: &DeviceSpec) -> CouplingConfig {
-    scene.coupling.unwrap_or_else(|| CouplingConfig::for_device(spec))
+    scene.coupling.unwrap_or_else(|| CouplingConfig::at_rate(spec, scene.rates.tick))
 }
 
 /// Opens the scene's device.

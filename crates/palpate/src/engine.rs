@@ -6,12 +6,14 @@ use palpate_haptics::exchange::{Reader, Writer, latest};
 use palpate_haptics::snapshot::HapticSnapshot;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+use crate::changes::{ChangeQueue, taken};
 use crate::gathering::Gathering;
 use crate::problem_files::ProblemFiles;
 use crate::record::{FactorLine, StepLine, TickLine, TraceLines};
-use crate::refresh::{FactorSample, Refresh, RefreshPort, RefreshWatch, refresh};
+use crate::refresh::{FactorSample, Refresh, RefreshPort, refresh};
+use crate::refresh_watch::RefreshWatch;
 use crate::run::{RunError, RunOptions, RunOutcome};
-use crate::settle::settle;
+use crate::scene::{Staleness, staleness};
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
 use crate::summary::RigidEnd;
 use crate::tick::Ticker;
@@ -27,6 +29,8 @@ pub(crate) struct Engine<'w, T = Ticker> {
     pub(crate) ticker: T,
     pub(crate) trace: Option<TraceLines>,
     pub(crate) notes: Vec<String>,
+    /// Where changes come in from outside; taken by whoever may ask for them.
+    pub(crate) changes: Option<ChangeQueue>,
 }
 
 /// What the tick reads and writes: snapshots, tool poses, the trace.
@@ -37,7 +41,7 @@ pub(crate) struct TickEnds {
 }
 
 impl<'w> Engine<'w> {
-    /// Settles the body, factors its first matrix, opens device and trace.
+    /// Takes the body as it begins, factors its first matrix, opens device and trace.
     pub(crate) fn new(world: &'w World, options: &RunOptions) -> Result<Self, RunError> {
         let mut device = crate::devices::device(world.scene())?;
         let spec = device.spec().clone();
@@ -49,7 +53,7 @@ impl<'w> Engine<'w> {
 }
 
 impl<'w, T> Engine<'w, T> {
-    /// Settles the body, factors its first matrix, opens the trace; `make` makes the tick on a device of this record. The
+    /// Takes the body as it begins, factors its first matrix, opens the trace; `make` makes the tick on a device of this record. The
     /// first step has the tool at `first`.
     pub(crate) fn with_tick(
         world: &'w World,
@@ -58,8 +62,11 @@ impl<'w, T> Engine<'w, T> {
         first: Isometry3<f64>,
         make: impl FnOnce(TickEnds) -> Result<T, RunError>,
     ) -> Result<Self, RunError> {
+        if let Some((Staleness::Gone, sentence)) = staleness(world.description()) {
+            return Err(RunError::Rates(sentence));
+        }
         let mut notes = Vec::new();
-        let (rest, settled) = settle(world);
+        let (rest, settled) = (world.start().clone(), world.settled());
         if let Some(report) = settled.filter(|report| !report.is_converged()) {
             let share = 100.0 * report.reached;
             notes.push(format!("the body did not settle under gravity; it begins at rest under {share:.1} % of it"));
@@ -72,21 +79,22 @@ impl<'w, T> Engine<'w, T> {
         } else {
             (RefreshPort::fixed(factor), None)
         };
+        let changes = (world.changes_from_outside() > 0).then(|| ChangeQueue::new(world, &mut ws));
         let (pose_writer, poses) = latest(&first);
         let (snapshots, snapshot_reader) = latest(&world.empty_snapshot());
         let (line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, device, &mut notes)?;
         let ticker = make(TickEnds { snapshots: snapshot_reader, poses: pose_writer, line: tick_line })?;
         let state = StepState::new(world, rest);
         ws.problem_files = options.problems.clone().map(ProblemFiles::new);
-        let watch = RefreshWatch::new(world.plan().accuracy);
+        let watch = RefreshWatch::new(world.plan());
         let stage = StepStage { world, state, ws, port, watch, urged: false, snapshots, poses, line };
-        Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes })
+        Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes, changes })
     }
 
     /// The tick, and all the rest.
     pub(crate) fn split(self) -> (T, Engine<'w, ()>) {
-        let Self { world, stage, refresh, refresh_trace, ticker, trace, notes } = self;
-        (ticker, Engine { world, stage, refresh, refresh_trace, ticker: (), trace, notes })
+        let Self { world, stage, refresh, refresh_trace, ticker, trace, notes, changes } = self;
+        (ticker, Engine { world, stage, refresh, refresh_trace, ticker: (), trace, notes, changes })
     }
 
     /// In lockstep, writes the records that wait for the trace.
@@ -101,6 +109,8 @@ impl<'w, T> Engine<'w, T> {
         gathering.notes.splice(0..0, self.notes);
         gathering.notes.extend(gathering.device_note());
         gathering.notes.extend(self.stage.ws.problem_files.as_ref().map(ProblemFiles::note));
+        let state = &self.stage.state;
+        gathering.name_changes(taken(self.world, state), state.outside(self.world).map(|(_, change)| change.text()));
         let trace = self.trace.map(|trace| trace.finish(&gathering));
         let mut summary = gathering.summary(self.world, wall, trace);
         summary.rigid_bodies = RigidEnd::all(self.world, &self.stage.state.rigid);
@@ -140,9 +150,9 @@ impl StepStage<'_> {
         self.snapshots.publish();
         self.urged = false;
         if report.status == StepStatus::Advanced {
-            let (q, system) = (self.state.before(), &self.ws.fem.system);
-            self.port.offer(report.step, time, q, system);
-            self.urged = self.watch.is_too_old(&report) && self.port.urge(report.step, time, q, system);
+            let (before, system) = (self.state.state_before(), &self.ws.fem.system);
+            self.port.offer(report.step, time, before, system);
+            self.urged = self.watch.is_too_old(&report) && self.port.urge(report.step, time, before, system);
         }
         report
     }

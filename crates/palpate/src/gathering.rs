@@ -1,17 +1,19 @@
 //! Gathers the reports of a run into its summary.
 
+mod summary;
+
 use std::collections::BTreeMap;
 
 use palpate_constraints::compliance::ComplianceMethod;
 use palpate_haptics::device::DeviceError;
 
-use crate::record::TraceOutcome;
+use crate::changes::TakenChange;
 use crate::refresh::RefreshReport;
 use crate::run::{Observer, Progress};
 use crate::step::{FactorFit, StepReport, StepStatus};
-use crate::summary::{EventRecord, RunEnd, RunSummary, Tail};
+use crate::summary::{EventRecord, PortSummary, RunEnd, Tail};
 use crate::tick::{TickFlags, TickReport};
-use crate::world::World;
+use crate::world::{Rung, World};
 
 /// Tails, counts and extremes of a run so far.
 pub(crate) struct Gathering {
@@ -34,6 +36,11 @@ pub(crate) struct Gathering {
     overlap: f64,
     early: u64,
     exact_steps: u64,
+    rungs: BTreeMap<Rung, u64>,
+    climbs: u64,
+    /// Changes from outside, known at the end of the run.
+    pub(crate) taken: Vec<TakenChange>,
+    rung: Option<Rung>,
     active: usize,
     time: f64,
     force: f64,
@@ -44,6 +51,7 @@ pub(crate) struct Gathering {
     fall_backs: u64,
     answered: BTreeMap<&'static str, u64>,
     shortened: u64,
+    rescued: [u64; 2], // repeated; with elements held open
     unsettled: u64,
     filtered: u64,
     inverted: u64,
@@ -59,6 +67,7 @@ pub(crate) struct Gathering {
     patches_full: u64,
     frozen_at_rigid: u64,
     impulse: [f64; 2],
+    port: PortSummary,
     /// Length of a step and of a tick (s).
     lengths: [f64; 2],
     /// Ticks whose device did not answer, with time and reason of the first.
@@ -90,6 +99,10 @@ impl Gathering {
             overlap: 0.0,
             early: 0,
             exact_steps: 0,
+            rungs: BTreeMap::new(),
+            climbs: 0,
+            taken: Vec::new(),
+            rung: None,
             active: 0,
             time: 0.0,
             force: 0.0,
@@ -100,6 +113,7 @@ impl Gathering {
             fall_backs: 0,
             answered: BTreeMap::new(),
             shortened: 0,
+            rescued: [0; 2],
             unsettled: 0,
             filtered: 0,
             inverted: 0,
@@ -115,6 +129,7 @@ impl Gathering {
             patches_full: 0,
             frozen_at_rigid: 0,
             impulse: [0.0; 2],
+            port: PortSummary::default(),
             lengths: [world.dt(), 1.0 / world.description().rates.tick],
             unanswered: 0,
             first_unanswered: None,
@@ -133,27 +148,35 @@ impl Gathering {
         }
         self.overlap = self.overlap.max(report.error.overlap);
         self.exact_steps += u64::from(report.rows.rows > 0 && report.method == ComplianceMethod::Exact);
+        if let Some(rung) = report.rung.filter(|_| report.rows.rows > 0) {
+            *self.rungs.entry(rung).or_default() += 1;
+        }
+        self.climbs += u64::from(self.rung.is_some_and(|before| report.rung.is_some_and(|now| now > before)));
+        self.rung = report.rung;
         self.active = report.active;
         self.step_overruns += u64::from(report.overruns);
-        self.contacts_dropped += report.detection.dropped as u64 + u64::from(report.bodies.dropped);
-        self.contacts_dropped += report.rows.dropped as u64;
+        self.contacts_dropped += report.dropped();
         self.factors_refused += u64::from(report.refused);
         self.fall_backs += u64::from(report.attempts > 1);
         if report.attempts > 0 {
             *self.answered.entry(report.solver).or_default() += 1;
         }
         self.shortened += u64::from(report.cuts > 0);
+        self.rescued[0] += u64::from(report.repeated > 0);
+        self.rescued[1] += u64::from(report.folds.folded > 0);
         self.unsettled += u64::from(report.unsettled);
         self.filtered += u64::from(report.assembly.filtered);
         self.inverted += u64::from(report.assembly.inverted);
         self.worst_residual = self.worst_residual.max(report.solve.residual);
         if report.change.changed {
             let phase = report.change.phase as usize;
-            let texts = self.events.get(self.changes.len()..phase).unwrap_or(&[]);
+            let outside = String::from("a change from outside");
+            let texts = (self.changes.len()..phase).map(|k| self.events.get(k).unwrap_or(&outside));
             let (time, iterations) = (report.time, report.free_motion.iterations);
             let (factor, touched) = (report.change.factor, report.change.touched);
             let event = |text: &String| EventRecord { time, event: text.clone(), factor, touched, iterations };
-            self.changes.extend(texts.iter().map(event));
+            let records: Vec<_> = texts.map(event).collect();
+            self.changes.extend(records);
         }
         self.outdated += u64::from(report.change.factor == FactorFit::Outdated);
         self.patches_full += u64::from(report.patch.left_out > 0);
@@ -202,12 +225,20 @@ impl Gathering {
         }
         self.beyond_patch += u64::from(record.flags.contains(TickFlags::BEYOND_PATCH));
         self.impulse[1] += record.contact_wrench.force.norm() * self.lengths[1];
+        self.port.add(record);
         self.worst_tick_residual = self.worst_tick_residual.max(record.residual);
         if let Some(error) = record.device_error {
             self.unanswered += 1;
             self.first_unanswered.get_or_insert((record.time, error));
         }
         observer.tick(report);
+    }
+
+    /// Names the changes from outside among the events.
+    pub(crate) fn name_changes<'a>(&mut self, taken: Vec<TakenChange>, texts: impl Iterator<Item = &'a str>) {
+        let outside = self.changes.iter_mut().skip(self.events.len());
+        outside.zip(texts).for_each(|(record, text)| record.event = format!("from outside: {text}"));
+        self.taken = taken;
     }
 
     /// What there is to say about a device that did not answer.
@@ -224,71 +255,5 @@ impl Gathering {
 
     pub(crate) fn progress(&self) -> Progress {
         Progress { time: self.time, rates: None, contacts: self.active, force: self.force }
-    }
-
-    /// The summary; `wall` is the time the run took in real time (s).
-    pub(crate) fn summary(self, world: &World, wall: Option<f64>, trace: Option<TraceOutcome>) -> RunSummary {
-        let counts = self.counts();
-        let rate = |n: u64| wall.map_or(0.0, |w| n as f64 / w);
-        RunSummary {
-            scene: world.scene().name().into(),
-            mode: if wall.is_some() { "real time" } else { "lockstep" },
-            integrator: world.integration().to_string(),
-            contact: world.contact_method(),
-            law: world.description().contact.law_in_words(),
-            end: self.end,
-            simulated: self.time + 1.0 / world.description().rates.tick,
-            wall: wall.unwrap_or(0.0),
-            nodes: world.mesh().nodes.len(),
-            tetrahedra: world.mesh().tetrahedra.len(),
-            steps: counts[0],
-            factors: counts[1],
-            ticks: counts[2],
-            step_rate: rate(counts[0]),
-            factor_rate: rate(counts[1]),
-            tick_rate: rate(counts[2]),
-            step_work: self.step_work.percentiles(),
-            factor_work: self.factor_work.percentiles(),
-            tick_work: self.tick_work.percentiles(),
-            tick_latency: self.tick_latency.percentiles(),
-            step_overruns: self.step_overruns,
-            tick_overruns: self.tick_overruns,
-            factors_refused: self.factors_refused,
-            iterations: self.iterations.percentiles(),
-            factor_age: self.factor_age.percentiles(),
-            contacts: self.contacts.percentiles(),
-            body_contacts: self.body_contacts.percentiles(),
-            rigid_bodies: Vec::new(),
-            plan: world.plan().to_string(),
-            compliance_error: self.compliance_error.percentiles(),
-            compliance_errors: self.compliance_error.count(),
-            correction_iterations: self.correction_iterations.percentiles(),
-            overlap: self.overlap,
-            factors_early: self.early,
-            exact_steps: self.exact_steps,
-            contacts_dropped: self.contacts_dropped,
-            worst_residual: self.worst_residual,
-            worst_tick_residual: self.worst_tick_residual,
-            fall_backs: self.fall_backs,
-            answered: self.answered,
-            shortened: self.shortened,
-            unsettled: self.unsettled,
-            filtered: self.filtered,
-            inverted: self.inverted,
-            largest_force: self.largest_force,
-            largest_jump: self.largest_jump,
-            events: self.changes,
-            outdated_steps: self.outdated,
-            force_jump: self.force_jump.percentiles(),
-            tick_method: world.tick_method(),
-            beyond_patch: self.beyond_patch,
-            patches_full: self.patches_full,
-            frozen_at_rigid: self.frozen_at_rigid,
-            impulse: self.impulse,
-            records_missed: self.missed,
-            files: trace.iter().map(|t| t.path.clone()).collect(),
-            trace,
-            notes: self.notes,
-        }
     }
 }

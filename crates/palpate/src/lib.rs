@@ -15,16 +15,20 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod changes;
 pub mod devices;
+mod drawn;
 mod engine;
 pub mod export;
 mod gathering;
 mod lockstep;
 mod pace;
+mod port_summary;
 pub mod problem_files;
 mod realtime;
 mod record;
 pub mod refresh;
+pub mod refresh_watch;
 pub mod replay;
 pub mod run;
 pub mod scene;

@@ -85,7 +85,7 @@ pub(crate) fn attend(
 ) -> Result<RunOutcome, RunError> {
     let world = engine.world;
     let rates = world.description().rates;
-    let Engine { mut stage, mut refresh, mut refresh_trace, trace, notes, .. } = engine;
+    let Engine { mut stage, mut refresh, mut refresh_trace, trace, notes, changes, .. } = engine;
     let (step_sender, steps) = every::<StepReport>(256);
     let (refresh_sender, refreshes) = every::<RefreshReport>(64);
     let history = std::collections::VecDeque::new();
@@ -140,7 +140,7 @@ pub(crate) fn attend(
     if !granted.load(Ordering::Relaxed) {
         gathering.notes.push(PRIORITY_REMEDY.into());
     }
-    Ok(Engine { world, stage, refresh, ticker: (), refresh_trace, trace, notes }.finish(gathering, Some(wall)))
+    Ok(Engine { world, stage, refresh, ticker: (), refresh_trace, trace, notes, changes }.finish(gathering, Some(wall)))
 }
 
 /// Asks the system for a real-time policy for the calling thread, which must not wait for others then; true where it

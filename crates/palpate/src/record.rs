@@ -3,27 +3,25 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Isometry3, Vector3};
-use palpate_collision::shape::ToolShape;
-use palpate_collision::solid::Solid;
-use palpate_constraints::frame::ContactFrame;
 use palpate_fem::factor::FactorStatus;
 use palpate_fem::pcg::PcgStatus;
 use palpate_haptics::device::DeviceSpec;
 use palpate_haptics::record::TickFlags;
 use palpate_trace as trace;
 use palpate_trace::{
-    Attachment, BodyGeometry, FactorTrace, InlineTrace, LogLevel, LogRecord, SolidGeometry, StepTrace, TickTrace,
-    TraceConfig, TraceError, TraceThread,
+    Attachment, BodyGeometry, FactorTrace, InlineTrace, LogLevel, LogRecord, StepTrace, TickTrace, TraceConfig,
+    TraceError, TraceThread,
 };
 use serde::Serialize;
 
+use crate::changes;
+use crate::drawn::{solids, tool_shape};
 use crate::gathering::Gathering;
 use crate::refresh::RefreshReport;
 use crate::run::{RunError, RunOptions};
 use crate::step::{FactorFit, StepReport, StepState, StepStatus, placements};
 use crate::tick::TickReport;
-use crate::world::World;
+use crate::world::{Change, World};
 
 /// Attachment that holds the scene.
 pub(crate) const SCENE: &str = "scene.toml";
@@ -37,6 +35,9 @@ pub(crate) const DEVICE_RECORD: &str = "device_record";
 /// Metadata record that says how the run ended, and its entry for the number of ticks.
 pub(crate) const END: &str = "end";
 pub(crate) const TICKS: &str = "ticks";
+
+/// Entry of the same record for the changes from outside, as TOML.
+pub(crate) const CHANGES: &str = "changes";
 
 /// What became of a trace.
 #[derive(Clone, Debug, Serialize)]
@@ -95,7 +96,7 @@ impl TraceLines {
             let (thread, ticks, steps, factors) = TraceThread::spawn(path, &config)?;
             (ticks, steps, factors, Self::Thread(thread))
         };
-        Ok((StepLine(Some((steps, world.dt()))), TickLine(Some(ticks)), FactorLine(Some(factors)), Some(lines)))
+        Ok((StepLine(Some((steps, world.dt(), 0))), TickLine(Some(ticks)), FactorLine(Some(factors)), Some(lines)))
     }
 
     /// In lockstep, writes what waits in the rings.
@@ -113,6 +114,7 @@ impl TraceLines {
             ("steps".into(), steps.to_string()),
             ("factors".into(), factors.to_string()),
             (TICKS.into(), ticks.to_string()),
+            (CHANGES.into(), changes::to_text(&gathering.taken)),
         ]);
         let time_ns = nanoseconds(gathering.progress().time);
         let line = |level, text: &str| LogRecord::new(time_ns, level, "run", text);
@@ -171,47 +173,8 @@ fn config(world: &World, options: &RunOptions, device: &DeviceSpec) -> TraceConf
     }
 }
 
-/// Side (m) of the square that a half-space is drawn as.
-const DRAWN_PLANE: f64 = 1.0;
-
-/// Fixed and rigid bodies as viewers draw them.
-fn solids(world: &World) -> Vec<SolidGeometry> {
-    let geometry = |name: &str, solid: &Solid, pose: &Isometry3<f64>, moves| {
-        let vertices = |all: &[Vector3<f64>]| all.iter().map(|v| [v.x, v.y, v.z]).collect();
-        let shape = match solid {
-            Solid::Convex(shape) => tool_shape(shape)?,
-            Solid::Mesh(mesh) => {
-                trace::ToolShape::Mesh { vertices: vertices(mesh.vertices()), triangles: mesh.triangles().to_vec() }
-            }
-            Solid::HalfSpace(normal) => {
-                let [t, s] = ContactFrame::new(*normal).tangents.map(|t| t * (0.5 * DRAWN_PLANE));
-                let corners = [-t - s, t - s, t + s, s - t];
-                trace::ToolShape::Mesh { vertices: vertices(&corners), triangles: vec![[0, 1, 2], [0, 2, 3]] }
-            }
-        };
-        let pose = (pose.translation.vector.into(), pose.rotation.coords.into());
-        Some(SolidGeometry { name: name.into(), shape, pose, moves })
-    };
-    let bodies = world.bodies();
-    let fixed = bodies.fixed.iter().map(|body| geometry(&body.name, &body.solid, &body.pose, false));
-    let rigid = bodies.rigid.iter().map(|body| geometry(&body.name, &body.solid, &body.shape_pose(&body.start), true));
-    fixed.chain(rigid).flatten().collect()
-}
-
-fn tool_shape(tool: &ToolShape) -> Option<trace::ToolShape> {
-    if let Some(hull) = tool.hull() {
-        let vertices = hull.vertices().iter().map(|v| [v.x, v.y, v.z]).collect();
-        return Some(trace::ToolShape::Mesh { vertices, triangles: hull.triangles().to_vec() });
-    }
-    let radius = tool.inner_radius();
-    match tool.axis(&Isometry3::identity()) {
-        Some([a, b]) if a != b => Some(trace::ToolShape::Capsule { a: a.into(), b: b.into(), radius }),
-        _ => Some(trace::ToolShape::Sphere { radius }),
-    }
-}
-
-/// The step's way into the trace.
-pub(crate) struct StepLine(Option<(StepTrace, f64)>);
+/// The step's way into the trace, with its length (s) and the phase whose skin was drawn last.
+pub(crate) struct StepLine(Option<(StepTrace, f64, usize)>);
 
 /// The tick's way into the trace.
 pub(crate) struct TickLine(Option<TickTrace>);
@@ -227,13 +190,13 @@ fn nanoseconds(seconds: f64) -> u64 {
 impl StepLine {
     /// Hands a report over; wall times stay out where `keep_times` is false, so that equal runs give equal traces.
     pub(crate) fn push(&mut self, report: &StepReport, world: &World, state: &StepState, keep_times: bool) {
-        let Some((line, dt)) = &mut self.0 else { return };
+        let Some((line, dt, drawn)) = &mut self.0 else { return };
         let wall = |seconds: f64| if keep_times { nanoseconds(seconds) } else { 0 };
         let (times, rotation) = (&report.times, report.tool.rotation.coords);
         let time_ns = nanoseconds(report.time);
         let mut flags = trace::StepFlags::default();
         flags.set(trace::StepFlags::OVERRUN, report.overruns > 0);
-        flags.set(trace::StepFlags::CONTACTS_DROPPED, report.detection.dropped > 0);
+        flags.set(trace::StepFlags::CONTACTS_DROPPED, report.dropped() > 0);
         flags.set(trace::StepFlags::FREE_MOTION_UNCONVERGED, report.free_motion.status != PcgStatus::Converged);
         flags.set(trace::StepFlags::CONTACT_UNCONVERGED, !report.solve.is_solved());
         flags.set(trace::StepFlags::FACTOR_REFUSED, report.refused);
@@ -277,6 +240,8 @@ impl StepLine {
             cuts: report.cuts,
             solver_attempts: report.attempts,
             phase: report.change.phase,
+            rung: report.rung.map_or(-1, |rung| rung as i32),
+            lower_error: report.error.lower,
         });
         for (body, placement) in placements(world, &state.rigid).enumerate() {
             let (position, orientation, velocity, angular_velocity) = placement;
@@ -291,11 +256,15 @@ impl StepLine {
                 angular_velocity,
             });
         }
-        line.push_positions(time_ns, |positions| {
+        let skin = state.change(world, state.phase()).filter(|_| state.phase() != *drawn).map(Change::triangles);
+        let offer = line.push_positions(time_ns, skin, |positions| {
             for (x, q) in positions.chunks_exact_mut(3).zip(&state.fem.q) {
                 x.copy_from_slice(q.as_slice());
             }
         });
+        if offer == trace::Offer::Taken {
+            *drawn = state.phase();
+        }
     }
 }
 
@@ -325,6 +294,11 @@ impl TickLine {
         flags.set(trace::TickFlags::UNCONVERGED, r.flags.contains(TickFlags::NOT_CONVERGED));
         flags.set(trace::TickFlags::LOCAL, r.flags.contains(TickFlags::LOCAL));
         flags.set(trace::TickFlags::BEYOND_PATCH, r.flags.contains(TickFlags::BEYOND_PATCH));
+        flags.set(trace::TickFlags::PASSIVITY, r.flags.contains(TickFlags::PASSIVITY));
+        flags.set(trace::TickFlags::POWER_LIMITED, r.flags.contains(TickFlags::POWER_LIMITED));
+        flags.set(trace::TickFlags::LATE, r.flags.contains(TickFlags::LATE));
+        flags.set(trace::TickFlags::JUMPED, r.flags.contains(TickFlags::JUMPED));
+        flags.set(trace::TickFlags::TORQUE_LIMITED, r.flags.contains(TickFlags::TORQUE_LIMITED));
         line.push(trace::TickRecord {
             tick: r.index,
             time_ns: nanoseconds(r.time),
@@ -347,6 +321,7 @@ impl TickLine {
             wake_latency_ns: nanoseconds(report.latency),
             work_ns: nanoseconds(report.work),
             force_jump: r.force_jump,
+            energy: r.energy.account,
         });
     }
 }

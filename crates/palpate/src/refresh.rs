@@ -11,7 +11,7 @@ use std::sync::{Arc, OnceLock};
 use std::thread::Thread;
 use std::time::Instant;
 
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 use palpate_fem::assembly::assemble;
 use palpate_fem::factor::{Factor, FactorStatus, SymbolicFactor};
 use palpate_fem::model::FemState;
@@ -19,7 +19,7 @@ use palpate_fem::sparse::SystemMatrix;
 use palpate_haptics::exchange::{Reader, Writer, latest};
 
 use crate::run::RunError;
-use crate::step::{FactorFit, StepReport, StepWorkspace};
+use crate::step::StepWorkspace;
 use crate::world::World;
 
 /// A system matrix on its way to the factor stage.
@@ -31,6 +31,8 @@ pub struct MatrixSample {
     pub time: f64,
     /// Configuration of all nodes that it belongs to (m).
     pub q: Vec<Vector3<f64>>,
+    /// What its viscous tissue remembered, as [`FemState::memory`]; kept where the body may change.
+    pub(crate) memory: Vec<Vector6<f64>>,
     /// The matrix `A` (kg).
     pub system: SystemMatrix,
 }
@@ -46,6 +48,8 @@ pub struct FactorSample {
     pub time: f64,
     /// Configuration of all nodes that it belongs to (m).
     pub q: Vec<Vector3<f64>>,
+    /// What its viscous tissue remembered, as [`FemState::memory`]; kept where the body may change.
+    pub(crate) memory: Vec<Vector6<f64>>,
     /// Events before the step that made it anew where no factor stage does; 0 where none has.
     pub(crate) renewed: usize,
     /// `A = Pᵀ L Lᵀ P`, with a copy in single precision as the preconditioner of later steps.
@@ -67,16 +71,27 @@ impl FactorSample {
     ) -> Result<Self, FactorStatus> {
         let mut factor = Factor::with_single_precision_copy(Arc::clone(symbolic));
         match factor.refactor(system).status {
-            FactorStatus::Ok => Ok(Self { epoch, step, time, q: q.into(), renewed: 0, factor }),
+            FactorStatus::Ok => Ok(Self { epoch, step, time, q: q.into(), memory: Vec::new(), renewed: 0, factor }),
             status => Err(status),
         }
     }
 
-    /// The factor that exists before the first step, of the matrix of the settled body.
+    /// Keeps what the tissue remembered at the factor's configuration.
+    pub(crate) fn remember(&mut self, memory: &[Vector6<f64>]) {
+        self.memory.clear();
+        self.memory.extend_from_slice(memory);
+    }
+
+    /// The factor that exists before the first step, of the matrix of the settled body, and what is precomputed from it.
     pub(crate) fn first(world: &World, rest: &FemState, ws: &mut StepWorkspace) -> Result<Self, RunError> {
         assemble(world.model(), rest, world.dt(), &[], &mut ws.fem);
-        Self::new(world.symbolic(), 0, 0, 0.0, &rest.q, &ws.fem.system)
-            .map_err(|status| RunError::Factorization { status: format!("{status:?}") })
+        let mut first = Self::new(world.symbolic(), 0, 0, 0.0, &rest.q, &ws.fem.system)
+            .map_err(|status| RunError::Factorization { status: format!("{status:?}") })?;
+        if world.changes_ever() {
+            first.remember(&rest.memory);
+        }
+        ws.precompute(world, &first);
+        Ok(first)
     }
 }
 
@@ -122,6 +137,8 @@ struct Signals {
 /// The step's side: offers matrices when they are wanted, reads factors.
 pub struct RefreshPort {
     link: Link,
+    /// Whether the memory of viscous tissue goes along.
+    remembers: bool,
 }
 
 enum Link {
@@ -141,18 +158,27 @@ pub struct Refresh {
 
 /// Both sides, with the first factor and the matrix that it is of already in place.
 pub fn refresh(first: &FactorSample, system: &SystemMatrix) -> (RefreshPort, Refresh) {
-    let matrix = MatrixSample { step: first.step, time: first.time, q: first.q.clone(), system: system.clone() };
+    let matrix = MatrixSample {
+        step: first.step,
+        time: first.time,
+        q: first.q.clone(),
+        memory: first.memory.clone(),
+        system: system.clone(),
+    };
     let (matrix_writer, matrix_reader) = latest(&matrix);
     let (factor_writer, factor_reader) = latest(first);
     let signals = Arc::new(Signals::default());
     let link = Link::Stage { matrices: matrix_writer, factors: factor_reader, signals: Arc::clone(&signals) };
-    (RefreshPort { link }, Refresh { matrices: matrix_reader, factors: factor_writer, signals, epoch: first.epoch })
+    (
+        RefreshPort { link, remembers: !first.memory.is_empty() },
+        Refresh { matrices: matrix_reader, factors: factor_writer, signals, epoch: first.epoch },
+    )
 }
 
 impl RefreshPort {
     /// A port without a factor stage: the first factor stays.
     pub fn fixed(first: FactorSample) -> Self {
-        Self { link: Link::Fixed(Box::new(first)) }
+        Self { link: Link::Fixed(Box::new(first)), remembers: false }
     }
 
     /// The latest factor; what is done to it lasts until a newer one is there.
@@ -164,27 +190,32 @@ impl RefreshPort {
     }
 
     /// Hands a matrix over if the factor stage waits for one; copies it only then.
-    pub fn offer(&mut self, step: u64, time: f64, q: &[Vector3<f64>], system: &SystemMatrix) {
+    pub fn offer(&mut self, step: u64, time: f64, at: &FemState, system: &SystemMatrix) {
         let Link::Stage { matrices, signals, .. } = &mut self.link else { return };
         if !signals.wanted.swap(false, Ordering::AcqRel) {
             return;
         }
         let sample = matrices.value_mut();
         (sample.step, sample.time) = (step, time);
-        sample.q.copy_from_slice(q);
+        sample.q.copy_from_slice(&at.q);
+        // A body that has lost elements remembers less than the whole one, for which there is room.
+        if self.remembers {
+            sample.memory.clear();
+            sample.memory.extend_from_slice(&at.memory);
+        }
         sample.system.blocks.copy_from_slice(&system.blocks);
         matrices.publish();
     }
 
     /// As [`Self::offer`], before the factor stage asks, and wakes its thread. False where it is at work already.
-    pub fn urge(&mut self, step: u64, time: f64, q: &[Vector3<f64>], system: &SystemMatrix) -> bool {
+    pub fn urge(&mut self, step: u64, time: f64, at: &FemState, system: &SystemMatrix) -> bool {
         let Link::Stage { signals, .. } = &self.link else { return false };
         let signals = Arc::clone(signals);
         if signals.busy.swap(true, Ordering::AcqRel) {
             return false;
         }
         signals.wanted.store(true, Ordering::Release);
-        self.offer(step, time, q, system);
+        self.offer(step, time, at, system);
         signals.urged.store(true, Ordering::Release);
         if let Some(thread) = signals.thread.get() {
             thread.unpark();
@@ -227,6 +258,7 @@ impl Refresh {
         if status == FactorStatus::Ok {
             (slot.epoch, slot.step, slot.time) = (epoch, sample.step, sample.time);
             slot.q.copy_from_slice(&sample.q);
+            slot.remember(&sample.memory);
             self.factors.publish();
             self.epoch = epoch;
         }
@@ -234,44 +266,5 @@ impl Refresh {
         let (step, time) = (sample.step, sample.time);
         self.signals.busy.store(false, Ordering::Release);
         Some(RefreshReport { epoch, step, time, handed_over: now(), work, early, status })
-    }
-}
-
-/// Iterations of a step below which a factor is young enough, whatever it was before: two of them cost less than a tenth
-/// of a factorisation each.
-const FEW_ITERATIONS: usize = 12;
-
-/// Growth of the iterations since a factor came into use at which it is too old.
-const JUMP: usize = 2;
-
-/// Measured relative error of the compliance at which a factor is too old, where the scene names no accuracy.
-const LARGEST_ERROR: f64 = 0.1;
-
-/// Watches the steps for a factor that ages faster than the factor rate expects.
-#[derive(Clone, Debug)]
-pub struct RefreshWatch {
-    epoch: Option<u64>,
-    /// Iterations of the first step with that factor.
-    iterations: usize,
-    largest_error: f64,
-}
-
-impl RefreshWatch {
-    /// A watch that holds the measured error of the compliance to `accuracy`, or to a tenth.
-    pub fn new(accuracy: Option<f64>) -> Self {
-        Self { epoch: None, iterations: 0, largest_error: accuracy.unwrap_or(LARGEST_ERROR) }
-    }
-
-    /// Whether the factor that this step used is too old: its iterations have doubled since it came into use, the
-    /// compliance from it is wrong, or it is of the body before an event. A function of the reports alone, so that runs in lockstep repeat it.
-    pub fn is_too_old(&mut self, report: &StepReport) -> bool {
-        let iterations = report.free_motion.iterations.max(report.error.correction_iterations as usize);
-        if self.epoch != Some(report.factor_epoch) {
-            (self.epoch, self.iterations) = (Some(report.factor_epoch), iterations);
-        }
-        let jumped = iterations > FEW_ITERATIONS && iterations > JUMP * self.iterations;
-        let wrong = report.error.measured().is_some_and(|error| error > self.largest_error);
-        let of_another_body = matches!(report.change.factor, FactorFit::Updated | FactorFit::Outdated);
-        report.factor_age > 0.0 && (jumped || wrong) || of_another_body
     }
 }

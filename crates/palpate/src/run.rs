@@ -117,6 +117,9 @@ pub enum RunError {
     /// The device cannot be opened.
     #[error("the device cannot be opened: {0}")]
     Device(String),
+    /// The scene's rates leave no force at the hand.
+    #[error("{0}")]
+    Rates(String),
     /// The system refuses threads.
     #[error("threads cannot be started: {0}")]
     Threads(String),

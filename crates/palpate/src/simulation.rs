@@ -6,11 +6,12 @@ use palpate_fem::integrator::equilibrium::EquilibriumReport;
 use palpate_haptics::snapshot::HapticSnapshot;
 use std::sync::Arc;
 
-use crate::refresh::{FactorSample, RefreshWatch};
+use crate::changes::ChangeQueue;
+use crate::refresh::FactorSample;
+use crate::refresh_watch::RefreshWatch;
 use crate::run::RunError;
-use crate::settle::settle;
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, pass_next_event, step};
-use crate::world::World;
+use crate::world::{ChangeError, ChangeRequest, World};
 
 /// A body and a tool without device, threads and trace: for programs that bring their own loop, and for measuring.
 ///
@@ -26,17 +27,19 @@ pub struct Simulation<'w> {
     refresh_every: u64,
     settled: Option<EquilibriumReport>,
     watch: Option<RefreshWatch>,
+    changes: ChangeQueue,
 }
 
 impl<'w> Simulation<'w> {
-    /// Settles the body and factors its first matrix. Call it on the thread (or in the rayon pool) that will step.
+    /// Takes the body as it begins and factors its first matrix. Call it on the thread (or in the rayon pool) that will step.
     ///
     /// # Errors
     /// A body whose first matrix is not positive definite.
     pub fn new(world: &'w World) -> Result<Self, RunError> {
-        let (rest, settled) = settle(world);
+        let (rest, settled) = (world.start().clone(), world.settled());
         let mut ws = StepWorkspace::new(world);
         let factor = FactorSample::first(world, &rest, &mut ws)?;
+        let changes = ChangeQueue::new(world, &mut ws);
         Ok(Self {
             world,
             state: StepState::new(world, rest),
@@ -45,8 +48,9 @@ impl<'w> Simulation<'w> {
             spare: Factor::with_single_precision_copy(Arc::clone(world.symbolic())),
             snapshot: world.empty_snapshot(),
             refresh_every: 1,
-            settled,
+            settled: settled.copied(),
             watch: None,
+            changes,
         })
     }
 
@@ -65,7 +69,7 @@ impl<'w> Simulation<'w> {
     /// Refreshes the factor also where it has aged before its turn, as a run does.
     #[must_use]
     pub fn refresh_early(mut self) -> Self {
-        self.watch = Some(RefreshWatch::new(self.world.plan().accuracy));
+        self.watch = Some(RefreshWatch::new(self.world.plan()));
         self
     }
 
@@ -98,6 +102,15 @@ impl<'w> Simulation<'w> {
         pass_next_event(self.world, &mut self.state, &mut self.ws)
     }
 
+    /// Changes the body from the next step on: nodes released or held, elements removed. Made at once, on this thread; what
+    /// happens, in words.
+    ///
+    /// # Errors
+    /// A scene without room for changes, or for no more; selections that do not fit the body.
+    pub fn change(&mut self, request: &ChangeRequest) -> Result<String, ChangeError> {
+        self.changes.change(self.world, request)
+    }
+
     /// Factors the matrix of the step that was just done; the old factor stays where that fails.
     fn refresh(&mut self, report: &StepReport) {
         if self.spare.refactor(&self.ws.fem.system).status != FactorStatus::Ok {
@@ -107,11 +120,14 @@ impl<'w> Simulation<'w> {
         self.factor.epoch += 1;
         (self.factor.step, self.factor.time) = (report.step, report.time);
         self.factor.q.copy_from_slice(self.state.before());
+        if self.world.changes_ever() {
+            self.factor.remember(&self.state.state_before().memory);
+        }
     }
 
     /// The world that it simulates: after events, that of the body that they left.
     pub fn world(&self) -> &World {
-        self.world.phase(self.state.phase())
+        self.state.world(self.world)
     }
 
     /// Body, tool, remembered forces.

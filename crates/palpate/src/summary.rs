@@ -8,6 +8,7 @@ use hdrhistogram::Histogram;
 use palpate_rigid::RigidState;
 use serde::Serialize;
 
+pub use crate::port_summary::{ForceCounts, PortSummary};
 pub use crate::record::TraceOutcome;
 use crate::step::{FactorFit, placements};
 use crate::world::World;
@@ -234,6 +235,11 @@ pub struct RunSummary {
     pub factors_early: u64,
     /// Steps in contact whose compliance was that of their own matrix.
     pub exact_steps: u64,
+    /// Steps in contact by rung of the ladder of methods, cheapest first; empty without an accuracy.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rungs: Vec<(&'static str, u64)>,
+    /// Steps that began on a higher rung than the one before.
+    pub climbs: u64,
     /// Contacts per step.
     pub contacts: Percentiles,
     /// Contacts that did not fit the stated capacity, over the run.
@@ -253,6 +259,10 @@ pub struct RunSummary {
     pub answered: BTreeMap<&'static str, u64>,
     /// Steps whose motion the guard or Newton's line search shortened.
     pub shortened: u64,
+    /// Steps whose motion the guard repeated.
+    pub repeated: u64,
+    /// Steps that held an element open.
+    pub held_open: u64,
     /// Steps by Newton's method whose contact forces still changed when their passes were used up.
     pub unsettled: u64,
     /// Elements whose tangent the definiteness filter changed, over all steps.
@@ -276,11 +286,13 @@ pub struct RunSummary {
     pub beyond_patch: u64,
     /// Steps whose patch had no room for all of the skin near the tool.
     pub patches_full: u64,
-    /// Steps that handed frozen rows to the tick in place of a patch since the tool was at a rigid body.
+    /// Steps that handed frozen rows to the tick in place of a patch since the tool was at a rigid or fixed body.
     pub frozen_at_rigid: u64,
     /// Impulse of the contact forces over the run (N s): what the steps put on the tissue, and what the ticks found, before
     /// limits and fades.
     pub impulse: [f64; 2],
+    /// The device's port: energy, and what acted on the force.
+    pub port: PortSummary,
     /// Records that the observer missed because its ring was full.
     pub records_missed: u64,
     /// What the trace holds.

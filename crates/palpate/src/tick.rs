@@ -63,7 +63,7 @@ impl TickStage {
             };
             tick = tick.on_patches(on_patches).map_err(refused)?;
         }
-        let contacts = world.detection().max_contacts;
+        let contacts = world.tool_capacity();
         let (state, ws) = (tick.state(contacts), tick.workspace(contacts));
         Ok(Self { tick, state, ws, snapshots, poses, line, index: 0, placed: false })
     }
@@ -76,6 +76,7 @@ impl TickStage {
             sweeps: scene.solver.tick_sweeps,
             tolerance: scene.solver.tick_tolerance,
             coupling: devices::coupling(scene, spec),
+            passivity: scene.passivity,
             limits: scene.limits,
         }
     }
@@ -136,6 +137,21 @@ impl Ticker {
         Self::new(world, device, snapshots, poses, TickLine::none())
     }
 
+    /// The same on a device of the caller's, with changes to what the scene says about its tick: for programs that try
+    /// many couplings, devices or rates on one world.
+    ///
+    /// # Errors
+    /// A change that cannot be.
+    pub fn on_device(
+        world: &World,
+        device: Box<dyn HapticDevice>,
+        change: impl FnOnce(&mut TickConfig),
+        snapshots: Reader<HapticSnapshot>,
+        poses: Writer<Isometry3<f64>>,
+    ) -> Result<Self, RunError> {
+        Self::changed(world, device, change, snapshots, poses, TickLine::none())
+    }
+
     pub(crate) fn new(
         world: &World,
         device: Box<dyn HapticDevice>,
@@ -143,10 +159,22 @@ impl Ticker {
         poses: Writer<Isometry3<f64>>,
         line: TickLine,
     ) -> Result<Self, RunError> {
+        Self::changed(world, device, |_| {}, snapshots, poses, line)
+    }
+
+    fn changed(
+        world: &World,
+        device: Box<dyn HapticDevice>,
+        change: impl FnOnce(&mut TickConfig),
+        snapshots: Reader<HapticSnapshot>,
+        poses: Writer<Isometry3<f64>>,
+        line: TickLine,
+    ) -> Result<Self, RunError> {
         // The limits that the scene states, before those that the device states of itself.
         let spec = devices::spec(&world.description().device, Some(device.spec()));
         let spec = spec.map_err(|e| RunError::Device(e.to_string()))?;
-        let config = TickStage::config(world, &spec);
+        let mut config = TickStage::config(world, &spec);
+        change(&mut config);
         Ok(Self { stage: TickStage::new(world, &config, &spec, snapshots, poses, line)?, device })
     }
 

@@ -27,13 +27,19 @@ use crate::vectors::add_columns;
 use nalgebra::Vector3;
 use palpate_constraints::law::LocalCompliance;
 
+/// Iterations for each unknown beyond which a system of that size is solved faster by a factorisation.
+const DEAR: f64 = 0.1;
+
+/// Shifts from which on iteration is tried again: it then does not take many.
+const DEAR_SHIFT: f64 = 1e-3;
+
 /// How a system is to be solved.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Way {
     /// Added to the diagonals of closed rows, which are of order one.
     pub(crate) shift: f64,
-    /// Error that is good enough, relative, for a solution by iteration; `None` for a factorisation.
-    pub(crate) iterative: Option<f64>,
+    /// Error that is good enough, relative, for a solution by iteration.
+    pub(crate) accuracy: f64,
     /// Unknowns up to which there is time for a factorisation.
     pub(crate) largest_factor: usize,
 }
@@ -52,6 +58,8 @@ pub(crate) struct ActiveSystem {
     image: Vec<f64>,
     system: LinearSystem,
     krylov: KrylovSpace,
+    /// Iterations of the last solution by iteration.
+    last_iterations: usize,
     coupled: Vec<CoupledBlock>,
     single: SingleCompliance,
     /// `W d_given` in single precision, relative to the largest of `d_given`.
@@ -72,6 +80,7 @@ impl ActiveSystem {
             image: Vec::with_capacity(rows),
             system: LinearSystem::with_capacity(rows),
             krylov: KrylovSpace::with_capacity(rows, rows),
+            last_iterations: 0,
             coupled: Vec::with_capacity(rows),
             single: SingleCompliance::with_capacity(rows),
             single_gap: Vec::with_capacity(SingleCompliance::longest(rows)),
@@ -84,6 +93,7 @@ impl ActiveSystem {
     pub(crate) fn begin(&mut self, rows: usize) {
         self.scales.clear();
         self.single.begin(rows);
+        self.last_iterations = 0;
     }
 
     /// The direction of Newton at the forces and their gap, left in `direction`; `false` where the system is singular,
@@ -97,9 +107,14 @@ impl ActiveSystem {
         way: &Way,
     ) -> bool {
         let size = self.linearize(view, local, delta, lambda);
-        size == 0
-            || way.iterative.is_some_and(|tolerance| self.iterate(view, tolerance, way.shift))
-            || size <= way.largest_factor && self.factor(view, size, way.shift)
+        if size == 0 {
+            return true;
+        }
+        let fits = size <= way.largest_factor;
+        let dear = self.last_iterations as f64 > DEAR * size as f64 && way.shift < DEAR_SHIFT;
+        fits && dear && self.factor(view, size, way.shift)
+            || self.iterate(view, way.accuracy, way.shift)
+            || fits && !dear && self.factor(view, size, way.shift)
     }
 
     /// Sorts the rows into given and unknown forces; returns the number of unknowns.
@@ -134,7 +149,7 @@ impl ActiveSystem {
 
     /// Solves by iteration to a relative error; `false` where that is not reached.
     fn iterate(&mut self, view: &ProblemView<'_>, tolerance: f64, shift: f64) -> bool {
-        let Self { blocks, given, krylov, coupled, single, single_gap, right, direction, .. } = self;
+        let Self { blocks, given, krylov, coupled, single, single_gap, right, direction, last_iterations, .. } = self;
         let with_unknowns = blocks.iter().map(|active| &active.block);
         single.admit(view, with_unknowns.chain(given.iter().map(|(block, _)| block)));
         // Relative to their largest, so that they stay in the range of single precision.
@@ -152,7 +167,9 @@ impl ActiveSystem {
             right.push(active.right(&(Vector3::new(gap[0], gap[1], gap[2]).map(f64::from) * size)));
             coupled.push(block);
         }
-        let Some(solution) = krylov.solve(single, coupled, right, tolerance) else { return false };
+        let solution = krylov.solve(single, coupled, right, tolerance);
+        *last_iterations = solution.map_or(usize::MAX, |(_, iterations)| iterations);
+        let Some((solution, _)) = solution else { return false };
         for (active, z) in blocks.iter().zip(solution) {
             active.add(z, direction);
         }

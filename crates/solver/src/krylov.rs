@@ -51,14 +51,14 @@ impl KrylovSpace {
         }
     }
 
-    /// Solves to a residual of `tolerance` relative to the right side; `None` where that is not reached.
+    /// Solves to a residual of `tolerance` relative to the right side; the solution and the iterations that it took, `None` where that is not reached.
     pub(crate) fn solve(
         &mut self,
         w: &SingleCompliance,
         blocks: &[CoupledBlock],
         right: &[[f64; 4]],
         tolerance: f64,
-    ) -> Option<&[[f64; 4]]> {
+    ) -> Option<(&[[f64; 4]], usize)> {
         let n = right.len();
         self.basis.clear();
         self.preconditioned.clear();
@@ -71,7 +71,7 @@ impl KrylovSpace {
         // Scaled in double precision: squares of small gaps leave the range of single precision.
         let size = right.as_flattened().iter().map(|x| x * x).sum::<f64>().sqrt();
         if size == 0.0 {
-            return Some(&self.solution);
+            return Some((&self.solution, 0));
         }
         if !size.is_finite() {
             return None;
@@ -84,7 +84,7 @@ impl KrylovSpace {
             Arch::new().dispatch(Product { w, blocks, v, x, gap: &mut self.gap, product: &mut self.work });
             let left = self.orthogonalise(k)?;
             if left <= tolerance {
-                return Some(self.combine(size));
+                return Some((self.combine(size), k + 1));
             }
         }
         None

@@ -107,7 +107,7 @@ impl ConstraintSolver for LemkeConfig {
         heading.clear();
         heading.resize(view.blocks.len().min(sweeps.capacity()), 0.0);
         let deadline = watch.deadline();
-        let (mut least, mut unsettled, mut first) = (f64::INFINITY, 0, true);
+        let (mut least, mut unsettled, mut first, mut pivoted) = (f64::INFINITY, 0, true, false);
         iteration::run(view, lambda, stop, sweeps, watch, |lambda, sweeps, residual| {
             // The residual of the start is none of the polygons'.
             if !first && unsettled < UNSETTLED {
@@ -129,8 +129,15 @@ impl ConstraintSolver for LemkeConfig {
             }
             problem.fill(view, &sweeps.local, &mut tableau.numbers);
             let most = self.pivots_per_variable.saturating_mul(problem.len()).max(100);
-            if let Err(status) = tableau.solve(most, deadline) {
-                return Advance::Ended(status);
+            match tableau.solve(most, deadline) {
+                // Polygons that were turned only a little have a solution as those before; it was lost to rounding.
+                Err(SolveStatus::NoSolution) if pivoted => {
+                    unsettled = UNSETTLED;
+                    sweep(view, lambda, 1.0, false, sweeps);
+                    return Advance::Updated;
+                }
+                Err(status) => return Advance::Ended(status),
+                Ok(()) => pivoted = true,
             }
             lambda.fill(0.0);
             tableau.values(|j, z| problem.add_force(view, &sweeps.local, j, z, lambda));

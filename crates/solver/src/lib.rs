@@ -25,6 +25,7 @@ pub mod newton;
 pub mod nncg;
 pub mod problem;
 pub mod problem_file;
+mod proximal;
 pub mod report;
 pub mod residual;
 mod single;

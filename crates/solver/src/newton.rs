@@ -9,31 +9,28 @@
 //! Forces that the laws give are taken out of the system exactly (see `active_system`): three unknowns for a contact that
 //! sticks, two for one that slides, none for one that is open. It is scaled to order one for any stiffness of the bodies.
 //!
-//! Away from the end a step needs few digits [Dembo, Eisenstat and Steihaug 1982]: the system is solved by GMRES with a
+//! A step needs few digits [Dembo, Eisenstat and Steihaug 1982]: the system is solved by GMRES with a
 //! block Gauss-Seidel preconditioner on the columns of `W` in single precision (see `krylov`), to as much of the residual
-//! as the step can use. Where GMRES does not converge, and for the last of several steps that did not lower the residual, the
-//! system is factored in double precision, if the time that is left allows for it.
+//! as the step can use. Where GMRES does not converge, and where it is dearer than that, the system is factored in double
+//! precision, if the time that is left allows for it.
 //!
-//! Rank-deficient `W` makes the system singular: `W_aa` is shifted by [`SHIFT`] of its mean diagonal. That is one step of
-//! Newton on the proximal-point problem around the current forces, which has the same solutions, and it picks forces of
-//! moderate size among many.
+//! Rank-deficient and nearly singular `W` (more rows than the nodes beneath have degrees of freedom) are met by proximal points
+//! (see `proximal`): the steps solve regularised problems whose shift goes to zero with the residual. On well-conditioned
+//! `W` every step has its own centre, and nothing is lost.
 //!
-//! How much is gained: on the frictional contacts of a ball pressed into the liver, or dragged along it, a cold solve to
-//! 1e-8 is about twice as fast as by block Gauss-Seidel for 30 to 150 contacts, and a little faster for 10 (`cargo bench
-//! --bench solver`). `W` of soft tissue is so well conditioned that Gauss-Seidel needs 40 to 60 sweeps, each as dear as
-//! three iterations of GMRES; the gain grows where it needs more.
-//!
-//! Safeguards: of the steps `t` = 1, 1/2, 1/4, the first that lowers the natural-map residual is taken, else the one with
-//! the least; after [`PATIENCE`] steps without a new best, or a singular system, the run goes back to the best forces and
-//! does twice as many sweeps as the time before. Forces are projected, so that every iterate is admissible.
+//! Safeguards: of the steps `t` = 1, 1/2, 1/4, the first that lowers the residual of the regularised problem is taken, else the
+//! one with the least; a regularised problem that is not solved in some steps begins again with a larger shift; where that
+//! does not help, or the system is singular, the run goes back to the best forces and does twice as many sweeps as the
+//! time before. Forces are projected, so that every iterate is admissible.
 //!
 //! Nothing is allocated; for what a thread needs before its first factorisation see [`crate::solver::warm_thread`].
 
 use crate::active_system::{ActiveSystem, Way};
 use crate::dense::warm_thread;
-use crate::gauss_seidel::{GaussSeidelWorkspace, residual, sweep};
+use crate::gauss_seidel::{GaussSeidelWorkspace, sweep};
 use crate::iteration::{self, Advance, Stop};
 use crate::problem::{ProblemView, gather, scatter};
+use crate::proximal::{Course, ProximalPoint};
 use crate::report::SolveReport;
 use crate::residual::scale;
 use crate::solver::ConstraintSolver;
@@ -42,11 +39,6 @@ use crate::watch::Watch;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
-
-/// Shift of `W_aa` relative to its mean diagonal. Rounding of the factorisation is 1e-16 times the growth of a pivot or
-/// so; with the shift a singular system is solved to about eight digits, and the convergence stays one digit short of
-/// quadratic at worst.
-pub const SHIFT: f64 = 1e-9;
 
 /// Error of a step's linear system relative to the residual that is asked for after it.
 const FORCING: f64 = 0.3;
@@ -58,9 +50,6 @@ const MOST_FORCING: f64 = 0.1;
 
 /// Operations per second that a factorisation is taken to do, for the decision whether it fits the time that is left.
 const FACTORISATION_RATE: f64 = 2e9;
-
-/// Newton steps without a new best after which sweeps take over.
-pub const PATIENCE: u32 = 6;
 
 /// Largest number of sweeps between two attempts of Newton.
 const MOST_SWEEPS: u32 = 400;
@@ -91,6 +80,7 @@ impl Default for NewtonConfig {
 pub struct NewtonWorkspace {
     pub(crate) sweeps: GaussSeidelWorkspace,
     system: ActiveSystem,
+    proximal: ProximalPoint,
     /// Forces before the step, N.
     before: Vec<f64>,
     /// Forces with the least residual of Newton's steps, N.
@@ -102,7 +92,7 @@ struct Phase {
     sweeps_left: u32,
     /// Length of the next series of sweeps.
     sweeps: u32,
-    failures: u32,
+    /// Residual of `NewtonWorkspace::kept`.
     best: f64,
     /// Length that residuals are relative to, m.
     scale: f64,
@@ -119,6 +109,7 @@ impl ConstraintSolver for NewtonConfig {
         NewtonWorkspace {
             sweeps: GaussSeidelWorkspace::with_capacity(rows),
             system: ActiveSystem::with_capacity(rows),
+            proximal: ProximalPoint::with_capacity(rows),
             before: vector(),
             kept: vector(),
         }
@@ -142,6 +133,7 @@ impl ConstraintSolver for NewtonConfig {
         // A problem that does not fit is refused before the first iteration.
         let rows = view.rows().min(sweeps.capacity());
         ws.system.begin(rows);
+        ws.proximal.begin(rows);
         for vector in [&mut ws.before, &mut ws.kept] {
             vector.clear();
             vector.resize(rows, 0.0);
@@ -149,7 +141,6 @@ impl ConstraintSolver for NewtonConfig {
         let mut phase = Phase {
             sweeps_left: self.first_sweeps,
             sweeps: self.first_sweeps.max(4),
-            failures: 0,
             best: f64::INFINITY,
             scale: if view.is_consistent() { scale(view).unwrap_or(1.0) } else { 1.0 },
             deadline: watch.deadline(),
@@ -178,30 +169,29 @@ fn advance(
         return Advance::Updated;
     }
     if now < phase.best {
-        // Back to short series of sweeps once Newton has taken hold.
-        phase.failures = if now < 0.9 * phase.best { 0 } else { phase.failures + 1 };
         phase.best = now;
         ws.kept.copy_from_slice(lambda);
-    } else {
-        phase.failures += 1;
     }
-    if phase.failures <= PATIENCE {
+    let course = ws.proximal.course(lambda, now, tolerance);
+    if course == Course::Repeat {
+        lambda.copy_from_slice(&ws.proximal.centre);
+        form_gap(view, lambda, &mut sweeps.delta);
+    }
+    if course != Course::End {
         // As many digits as are asked for, and no more than a step can use.
-        let accuracy = (FORCING * tolerance / now).clamp(LEAST_FORCING, MOST_FORCING);
-        // Failures may be those of an inaccurate direction, but mostly are those of the active contacts: on a nearly
-        // singular `W` accurate directions are no better, and far dearer. So only the last attempt is accurate.
-        let direct = phase.failures == PATIENCE;
+        let accuracy = (FORCING * tolerance / ws.proximal.residual).clamp(LEAST_FORCING, MOST_FORCING);
         let seconds = phase.deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()).as_secs_f64());
-        let largest = seconds.map_or(usize::MAX, |left| (1.5 * left * FACTORISATION_RATE).cbrt() as usize);
-        let way = Way { shift: SHIFT, iterative: (!direct).then_some(accuracy), largest_factor: largest };
-        if ws.system.solve(view, &sweeps.local, &sweeps.delta, lambda, &way) {
-            step(view, lambda, now, phase.scale, sweeps, ws);
+        let largest_factor = seconds.map_or(usize::MAX, |left| (1.5 * left * FACTORISATION_RATE).cbrt() as usize);
+        let way = Way { shift: ws.proximal.shift, accuracy, largest_factor };
+        ws.proximal.regularise(view, &sweeps.local, &sweeps.delta, lambda);
+        if ws.system.solve(view, &sweeps.local, &ws.proximal.gap, lambda, &way) {
+            ws.proximal.residual = step(view, lambda, phase.scale, sweeps, ws);
             return Advance::Formed;
         }
     }
     lambda.copy_from_slice(&ws.kept);
     view.gap(lambda, &mut sweeps.delta);
-    phase.failures = 0;
+    ws.proximal.restart();
     phase.sweeps = (2 * phase.sweeps).min(MOST_SWEEPS);
     phase.sweeps_left = phase.sweeps;
     // Sweeps may pass through larger residuals on their way.
@@ -209,38 +199,36 @@ fn advance(
     Advance::Formed
 }
 
-/// The first of the steps 1, 1/2, 1/4 that lowers the residual, or the one with the least.
+/// The first of the steps 1, 1/2, 1/4 that lowers the regularised residual, or the one with the least; returns that residual.
 fn step(
     view: &ProblemView<'_>,
     lambda: &mut [f64],
-    now: f64,
     scale: f64,
     sweeps: &mut GaussSeidelWorkspace,
     ws: &mut NewtonWorkspace,
-) {
-    ws.before.copy_from_slice(lambda);
+) -> f64 {
+    let NewtonWorkspace { system, proximal, before, .. } = ws;
+    before.copy_from_slice(lambda);
+    let now = proximal.residual;
     let mut take = |t: f64, lambda: &mut [f64]| {
         for block in view.blocks {
-            let force = gather(&ws.before, block) + gather(&ws.system.direction, block) * t;
+            let force = gather(before, block) + gather(&system.direction, block) * t;
             scatter(&block.law.project(&force), block, lambda);
         }
         form_gap(view, lambda, &mut sweeps.delta);
-        let reached = residual(view, lambda, scale, sweeps).relative;
-        if reached.is_finite() { reached } else { f64::MAX }
+        proximal.judge(view, &sweeps.local, &sweeps.delta, lambda, scale)
     };
     let (mut best, mut least) = (1.0, f64::INFINITY);
     for t in [1.0, 0.5, 0.25] {
         let reached = take(t, lambda);
         if reached < now {
-            return;
+            return reached;
         }
         if reached < least {
             (best, least) = (t, reached);
         }
     }
-    if best != 0.25 {
-        take(best, lambda);
-    }
+    if best == 0.25 { least } else { take(best, lambda) }
 }
 
 /// `delta = W lambda + delta_free`, block by block: blocks without force cost nothing.

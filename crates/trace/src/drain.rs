@@ -103,8 +103,9 @@ impl<S: TraceSink> Drain<S> {
             self.write(|writer| writer.write_log(&record));
             any = true;
         }
-        while let Ok(frame) = self.rings.geometry.pop() {
-            self.write(|writer| writer.write_positions(frame.time_ns, &frame.positions));
+        while let Ok(mut frame) = self.rings.geometry.pop() {
+            let skin = frame.skin.take();
+            self.write(|writer| writer.write_positions(frame.time_ns, skin.as_ref(), &frame.positions));
             // There are as many places as buffers.
             let _ = self.rings.free.push(frame);
             any = true;

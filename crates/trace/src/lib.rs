@@ -30,6 +30,7 @@ mod schema;
 mod sink;
 mod summary;
 mod thread;
+mod tissue_message;
 mod topic;
 mod wire;
 mod writer;
@@ -42,7 +43,7 @@ pub use reader::{Trace, TraceEvent, TraceReader};
 pub use record::{
     FactorRecord, FactorStatus, LogLevel, LogRecord, RigidRecord, StepFlags, StepRecord, TickFlags, TickRecord,
 };
-pub use ring::{FactorTrace, StepTrace, TickTrace};
+pub use ring::{FactorTrace, Offer, Skin, StepTrace, TickTrace};
 pub use sink::TraceSink;
 pub use summary::{Dropped, TraceStatus, TraceSummary};
 pub use thread::TraceThread;

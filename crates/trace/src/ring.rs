@@ -49,6 +49,22 @@ fn push<T>(ring: &mut Producer<T>, record: T, dropped: &AtomicU64) -> bool {
 pub(crate) struct GeometryFrame {
     pub(crate) time_ns: u64,
     pub(crate) positions: Vec<f64>,
+    /// The skin of the first body from this frame on, where it has changed.
+    pub(crate) skin: Option<Skin>,
+}
+
+/// Triangles of a body's skin, by node of the body, shared with whoever drew them.
+pub type Skin = Arc<[[u32; 3]]>;
+
+/// What became of positions that were offered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Offer {
+    /// They are on their way into the trace.
+    Taken,
+    /// It was not their turn.
+    NotDue,
+    /// No buffer was free; they were dropped and counted.
+    Dropped,
 }
 
 /// The tick thread's end.
@@ -111,23 +127,27 @@ impl StepTrace {
 
     /// Offers the positions of the nodes; call it once a step. Every `geometry_stride`-th offer is taken: `fill` then
     /// gets the buffer to write, `x, y, z` (m) of each node in the order of `TraceConfig::bodies`; it holds older
-    /// positions. `false` when the offer was due but no buffer was free, and was dropped and counted.
+    /// positions.
+    ///
+    /// `skin` is the skin of the first body, where a cut has changed it since the last frame that was taken; give it until
+    /// one is taken, which the answer tells: [`Offer::Taken`].
     ///
     /// The buffers were allocated at set-up and go round; none is allocated or freed here.
-    pub fn push_positions(&mut self, time_ns: u64, fill: impl FnOnce(&mut [f64])) -> bool {
+    pub fn push_positions(&mut self, time_ns: u64, skin: Option<&Skin>, fill: impl FnOnce(&mut [f64])) -> Offer {
         let due = self.has_bodies && self.offered.is_multiple_of(self.geometry_stride);
         self.offered += 1;
         if !due {
-            return true;
+            return Offer::NotDue;
         }
         let Ok(mut frame) = self.free.pop() else {
             self.dropped.geometry.fetch_add(1, Ordering::Relaxed);
-            return false;
+            return Offer::Dropped;
         };
         frame.time_ns = time_ns;
+        frame.skin = skin.cloned();
         fill(&mut frame.positions);
         // There are as many places as buffers, so this one always finds its place.
-        push(&mut self.geometry, frame, &self.dropped.geometry)
+        if push(&mut self.geometry, frame, &self.dropped.geometry) { Offer::Taken } else { Offer::Dropped }
     }
 }
 
@@ -178,7 +198,7 @@ pub(crate) fn rings(config: &TraceConfig) -> (Rings, Producers) {
     let (mut free, free_out) = RingBuffer::new(config.geometry_buffers);
     let has_bodies = config.node_count() > 0;
     for _ in 0..config.geometry_buffers {
-        let frame = GeometryFrame { time_ns: 0, positions: vec![0.0; 3 * config.node_count()] };
+        let frame = GeometryFrame { time_ns: 0, positions: vec![0.0; 3 * config.node_count()], skin: None };
         // As many places as buffers.
         let _ = free.push(frame);
     }

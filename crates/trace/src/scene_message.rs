@@ -3,15 +3,14 @@
 //! Frames: `world` is the root; `tool`, `device` and rigid bodies move in it.
 
 use foxglove::messages::{
-    Color, CylinderPrimitive, FrameTransform, FrameTransforms, Log, PackedElementField, Point3, PointCloud, Pose,
-    PoseInFrame, Quaternion, SceneEntity, SceneUpdate, SpherePrimitive, Timestamp, TriangleListPrimitive, Vector3,
-    packed_element_field::NumericType,
+    Color, CylinderPrimitive, FrameTransform, FrameTransforms, Log, Point3, Pose, PoseInFrame, Quaternion, SceneEntity,
+    SceneUpdate, SpherePrimitive, Timestamp, TriangleListPrimitive, Vector3,
 };
 
-use crate::geometry::{BodyGeometry, SolidGeometry, ToolShape};
+use crate::geometry::{SolidGeometry, ToolShape};
 use crate::record::{LogRecord, RigidRecord, TickRecord};
 
-const WORLD: &str = "world";
+pub(crate) const WORLD: &str = "world";
 const TOOL: &str = "tool";
 const DEVICE: &str = "device";
 const TOOL_COLOR: [f64; 4] = [0.6, 0.63, 0.68, 1.0];
@@ -37,11 +36,11 @@ fn pose(position: [f64; 3], orientation: [f64; 4]) -> Pose {
     Pose { position: Some(vector(position)), orientation: Some(quaternion(orientation)) }
 }
 
-fn identity() -> Pose {
+pub(crate) fn identity() -> Pose {
     pose([0.0; 3], [0.0, 0.0, 0.0, 1.0])
 }
 
-fn color([r, g, b, a]: [f64; 4]) -> Color {
+pub(crate) fn color([r, g, b, a]: [f64; 4]) -> Color {
     Color { r, g, b, a }
 }
 
@@ -193,93 +192,6 @@ fn rotation_from_z(axis: [f64; 3], length: f64) -> [f64; 4] {
     [-y / norm, x / norm, 0.0, (1.0 + z) / norm]
 }
 
-/// The messages of the deforming bodies: built once, their points overwritten at each writing.
-pub(crate) struct TissueMessages {
-    pub(crate) surface: SceneUpdate,
-    pub(crate) nodes: PointCloud,
-    /// Per body: the nodes on its surface, by index into all nodes.
-    surface_nodes: Vec<Vec<usize>>,
-    rest_positions: Vec<[f64; 3]>,
-}
-
-impl TissueMessages {
-    pub(crate) fn new(bodies: &[BodyGeometry]) -> Self {
-        let mut entities = Vec::new();
-        let mut surface_nodes = Vec::new();
-        let mut rest_positions: Vec<[f64; 3]> = Vec::new();
-        for body in bodies {
-            let (nodes, indices) = compact_surface(body);
-            entities.push(SceneEntity {
-                frame_id: WORLD.into(),
-                id: body.name.clone(),
-                triangles: vec![TriangleListPrimitive {
-                    pose: Some(identity()),
-                    points: vec![Point3::default(); nodes.len()],
-                    color: Some(color(body.color)),
-                    colors: Vec::new(),
-                    indices,
-                }],
-                ..SceneEntity::default()
-            });
-            surface_nodes.push(nodes.iter().map(|node| node + rest_positions.len()).collect());
-            rest_positions.extend_from_slice(&body.rest_positions);
-        }
-        let field = |(k, name): (u32, &str)| PackedElementField {
-            name: name.into(),
-            offset: 4 * k,
-            r#type: NumericType::Float32 as i32,
-        };
-        let nodes = PointCloud {
-            frame_id: WORLD.into(),
-            pose: Some(identity()),
-            point_stride: 16,
-            fields: [(0, "x"), (1, "y"), (2, "z"), (3, "displacement")].map(field).to_vec(),
-            ..PointCloud::default()
-        };
-        Self { surface: SceneUpdate { deletions: Vec::new(), entities }, nodes, surface_nodes, rest_positions }
-    }
-
-    /// Takes over the positions of all nodes (m), `x, y, z` of each; missing ones stay as they were.
-    pub(crate) fn update(&mut self, positions: &[f64], unix_ns: u64) {
-        let (positions, _) = positions.as_chunks::<3>();
-        for (entity, nodes) in self.surface.entities.iter_mut().zip(&self.surface_nodes) {
-            entity.timestamp = Some(timestamp(unix_ns));
-            let points = entity.triangles.iter_mut().flat_map(|primitive| &mut primitive.points);
-            for (point, &node) in points.zip(nodes) {
-                if let Some(&[x, y, z]) = positions.get(node) {
-                    *point = Point3 { x, y, z };
-                }
-            }
-        }
-        let mut data = Vec::with_capacity(16 * self.rest_positions.len());
-        for (position, rest) in positions.iter().zip(&self.rest_positions) {
-            let squares: f64 = position.iter().zip(rest).map(|(now, then)| (now - then) * (now - then)).sum();
-            for value in position.iter().chain([&squares.sqrt()]) {
-                data.extend_from_slice(&(*value as f32).to_le_bytes());
-            }
-        }
-        self.nodes.timestamp = Some(timestamp(unix_ns));
-        self.nodes.data = data.into();
-    }
-}
-
-/// The nodes that triangles use, in order of first use, and the triangles by position in that list.
-fn compact_surface(body: &BodyGeometry) -> (Vec<usize>, Vec<u32>) {
-    const UNUSED: u32 = u32::MAX;
-    let mut place = vec![UNUSED; body.rest_positions.len()];
-    let mut nodes = Vec::new();
-    let mut indices = Vec::with_capacity(3 * body.triangles.len());
-    for &node in body.triangles.iter().flatten() {
-        let place = &mut place[node as usize];
-        if *place == UNUSED {
-            *place = nodes.len() as u32;
-            nodes.push(node as usize);
-        }
-        indices.push(*place);
-    }
-    (nodes, indices)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -305,13 +217,6 @@ mod tests {
         let p = place.position.unwrap();
         let expected = rotated(a, v);
         assert_eq!([p.x, p.y, p.z], [1.0 + expected[0], 2.0 + expected[1], 3.0 + expected[2]]);
-    }
-
-    #[test]
-    fn a_surface_keeps_only_its_own_nodes() {
-        let rest = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [5.0; 3]];
-        let body = BodyGeometry::new("body", rest, vec![[4, 1, 2], [2, 1, 3]]);
-        assert_eq!(compact_surface(&body), (vec![4, 1, 2, 3], vec![0, 1, 2, 2, 1, 3]));
     }
 
     #[test]

@@ -14,10 +14,10 @@ use mcap::{Compression, McapError, McapResult, WriteOptions};
 use crate::config::TraceConfig;
 use crate::error::TraceError;
 use crate::record::{FactorRecord, LogRecord, Record, RigidRecord, StepRecord, TickRecord};
-use crate::scene_message::{
-    TissueMessages, body_shapes, frame_transforms, log, rigid_transform, tool_pose, tool_shape,
-};
+use crate::ring::Skin;
+use crate::scene_message::{body_shapes, frame_transforms, log, rigid_transform, tool_pose, tool_shape};
 use crate::sink::{CountingSink, TraceSink};
+use crate::tissue_message::TissueMessages;
 use crate::topic::Topic;
 
 /// Uncompressed size at which a chunk is closed (bytes).
@@ -183,14 +183,15 @@ impl<S: TraceSink> TraceWriter<S> {
         self.checked(written)
     }
 
-    /// Writes surface and nodes of all bodies from the positions of their nodes (m), `x, y, z` of each in the order
-    /// of [`TraceConfig::bodies`]. Without bodies it does nothing.
+    /// Writes surface and nodes of all bodies from the positions of their nodes (m), `x, y, z` of each in the order of
+    /// [`TraceConfig::bodies`]; none without bodies. `skin` is the first body's from now on, where it has changed.
     ///
     /// # Errors
     /// [`TraceError::Write`]
-    pub fn write_positions(&mut self, time_ns: u64, positions: &[f64]) -> Result<(), TraceError> {
+    pub fn write_positions(&mut self, time_ns: u64, skin: Option<&Skin>, positions: &[f64]) -> Result<(), TraceError> {
         // Taken out and put back so that the messages can be lent to the writer that owns them.
         let Some(mut tissue) = self.tissue.take() else { return Ok(()) };
+        skin.iter().for_each(|triangles| tissue.change_skin(triangles));
         tissue.update(positions, self.unix_ns(time_ns));
         let written = self
             .write_foxglove(Topic::TissueSurface, time_ns, &tissue.surface)

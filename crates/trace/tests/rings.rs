@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use palpate_trace::{Dropped, InlineTrace, LogLevel, LogRecord, Trace, TraceConfig, TraceReader, TraceThread};
+use palpate_trace::{Dropped, InlineTrace, LogLevel, LogRecord, Offer, Trace, TraceConfig, TraceReader, TraceThread};
 
 mod sample;
 
@@ -32,7 +32,7 @@ fn a_full_ring_drops_the_newest_and_counts() {
     assert_eq!((0..6).filter(|_| trace.log(line)).count(), 4);
     let mut filled = 0;
     for k in 0..5 {
-        steps.push_positions(k, |out| {
+        steps.push_positions(k, None, |out| {
             out.copy_from_slice(&sample::positions(k));
             filled += 1;
         });
@@ -44,7 +44,7 @@ fn a_full_ring_drops_the_newest_and_counts() {
     // Room again after a drain, buffers included.
     trace.drain();
     assert!(ticks.push(sample::tick(25)));
-    assert!(steps.push_positions(5, |out| out.fill(0.0)));
+    assert_eq!(steps.push_positions(5, None, |out| out.fill(0.0)), Offer::Taken);
 
     let (sink, summary) = trace.finish_into_sink();
     assert_eq!(summary.dropped, dropped);

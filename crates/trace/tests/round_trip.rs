@@ -64,6 +64,7 @@ impl Bits {
             wake_latency_ns: self.count(),
             work_ns: self.count(),
             force_jump: self.double(),
+            energy: self.double(),
         }
     }
 
@@ -103,6 +104,8 @@ impl Bits {
             cuts: self.count() as u32,
             solver_attempts: self.count() as u32,
             phase: self.count() as u32,
+            rung: self.count() as i32,
+            lower_error: self.double(),
         }
     }
 }
@@ -112,7 +115,7 @@ fn tick_bits(r: &TickRecord) -> Vec<u64> {
     let vectors = [r.device_position, r.device_velocity, r.device_angular_velocity, r.tool_position, r.force];
     let more = [r.torque, r.force_unlimited, [r.gap, r.residual, r.snapshot_age]];
     let orientations = r.device_orientation.iter().chain(&r.tool_orientation);
-    let doubles = vectors.iter().chain(&more).flatten().chain(orientations).chain([&r.force_jump]);
+    let doubles = vectors.iter().chain(&more).flatten().chain(orientations).chain([&r.force_jump, &r.energy]);
     let counts = [r.tick, r.time_ns, r.contacts.into(), r.sweeps.into(), r.snapshot_step, r.flags.0.into()];
     doubles.map(|x| x.to_bits()).chain(counts).chain([r.wake_latency_ns, r.work_ns]).collect()
 }
@@ -125,8 +128,12 @@ fn step_bits(r: &StepRecord) -> Vec<u64> {
     let more = [r.correction_ns, r.snapshot_ns, r.total_ns, r.step, r.time_ns, r.factor_epoch];
     let counts =
         [r.contacts, r.cg_iterations, r.solver_sweeps, r.inverted_elements, r.filtered_elements, r.cuts, r.flags.0];
-    let counts =
-        counts.map(u64::from).into_iter().chain([r.worst_row as u64, r.solver_attempts.into(), r.phase.into()]);
+    let counts = counts.map(u64::from).into_iter().chain([
+        r.worst_row as u64,
+        r.solver_attempts.into(),
+        r.phase.into(),
+        r.rung as u64,
+    ]);
     doubles.chain(durations).chain(more).chain(counts).collect()
 }
 

@@ -69,6 +69,7 @@ pub fn stale_output() -> Output {
         work: 99.0,
         contacts: 99,
         phase: 99,
+        energy: 99.0,
     }
 }
 

@@ -3,6 +3,7 @@
 //! A chart is a function from [`Settings`] and [`Work`] to a [`Chart`]; `command::chart` registers it by name.
 
 pub(crate) mod compliance;
+pub(crate) mod haptics;
 pub(crate) mod plot;
 pub(crate) mod solvers;
 pub(crate) mod table;

@@ -5,7 +5,7 @@ use std::path::Path;
 use miette::{IntoDiagnostic, Result, miette};
 
 use crate::arguments::{ChartArguments, ChartName};
-use crate::chart::{Chart, Settings, Work, compliance, plot, solvers, tissue};
+use crate::chart::{Chart, Settings, Work, compliance, haptics, plot, solvers, tissue};
 use crate::exit;
 use crate::output::{check_writable, make_folder, say};
 
@@ -24,6 +24,8 @@ pub(crate) fn chart(arguments: &ChartArguments) -> Result<u8> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().into_diagnostic()?;
     let chart = pool.install(|| match arguments.chart {
         ChartName::Compliance => compliance::measure(&settings, &work),
+        // Virtual time throughout: it takes all cores.
+        ChartName::Haptics => haptics::measure(&settings, &work),
         ChartName::Solvers => solvers::measure(&settings, &work),
         ChartName::Tissue => tissue::measure(&settings, &work),
     })?;

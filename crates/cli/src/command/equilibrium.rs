@@ -9,16 +9,18 @@ use serde_json::json;
 
 use crate::arguments::EquilibriumArguments;
 use crate::exit;
-use crate::output::{check_writable, say};
+use crate::output::{check_kept, check_writable, say, scene_files};
 
 pub(crate) fn equilibrium(arguments: &EquilibriumArguments) -> Result<u8> {
+    let scene = Scene::open(&arguments.scene).map_err(super::report)?;
     if let Some(path) = &arguments.final_state {
         if path.extension().is_none_or(|e| e != "vtu") {
             return Err(miette!(help = "name it FILE.vtu", "--final {}: only VTU is written", path.display()));
         }
+        check_kept("--final", path, &scene_files(&arguments.scene, &scene))?;
         check_writable("--final", path)?;
     }
-    let world = Scene::open(&arguments.scene).map_err(super::report)?.build().map_err(super::report)?;
+    let world = scene.build().map_err(super::report)?;
     world.warnings().iter().for_each(|warning| eprintln!("warning: {warning}"));
     let (state, report) = at_rest(&world)
         .map_err(|e| miette!(help = "hold the body with `fixed = [...]`", "{}: {e}", arguments.scene))?;

@@ -12,7 +12,7 @@ use serde_json::json;
 
 use crate::arguments::{MeshArguments, MeshCommand};
 use crate::exit;
-use crate::output::{check_writable, say};
+use crate::output::{check_kept, check_writable, say};
 
 pub(crate) fn mesh(arguments: &MeshArguments) -> Result<u8> {
     match (&arguments.make, &arguments.file) {
@@ -55,6 +55,7 @@ fn make(image: &Path, cell: f64, out: &Path, scale: Option<f64>, force: bool) ->
         let help = "leave --scale out; only surfaces (STL, OBJ, PLY) have no unit of their own";
         return Err(miette!(help = help, "{}: a label image carries its own spacing", image.display()));
     }
+    check_kept("the output", out, &[image])?;
     check_writable("--out", out)?;
     let stuffing = Stuffing { cell, ..Stuffing::default() };
     let (mesh, report) = make_mesh(image, scale.unwrap_or(1.0), &stuffing).map_err(|e| match e {

@@ -17,6 +17,9 @@ use std::sync::Arc;
 
 use crate::output::say;
 
+/// Contacts for which the rungs of a ladder are compared.
+const CONTACTS: usize = 10;
+
 /// Steps that are taken for a measurement; the median is what is told.
 const STEPS: usize = 9;
 
@@ -51,10 +54,18 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
         }
     }
     row("time that a step has", Some(world.dt()), None);
+    for rung in plan.ladder.iter().flat_map(|ladder| ladder.rungs()) {
+        let name = format!("{}: compliance and correction of {CONTACTS} contacts", rung.name());
+        row(&name, Some(plan.rung_time(*rung, 3 * CONTACTS)), None);
+    }
     say(table)?;
     if let Some(hint) = other_choice(&world, &here) {
         say(hint)?;
     }
+    if let Some(coupling) = world.coupling() {
+        say(format_args!("virtual coupling: {coupling}"))?;
+    }
+    world.warnings().iter().try_for_each(|warning| say(format_args!("warning: {warning}")))?;
     let bodies = world.bodies();
     if !bodies.is_empty() {
         let capacity = world.contact_capacity();

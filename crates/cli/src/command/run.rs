@@ -1,6 +1,6 @@
 //! `palpate run`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use miette::{IntoDiagnostic, Report, Result, miette};
 use palpate::export::write_state;
@@ -14,7 +14,7 @@ use palpate::world::World;
 
 use crate::arguments::RunArguments;
 use crate::exit;
-use crate::output::{Outputs, make_folder, say};
+use crate::output::{Outputs, make_folder, say, scene_files};
 use crate::picture::{self, Curves};
 use crate::progress::ProgressLine;
 use crate::step_table::StepTable;
@@ -23,7 +23,7 @@ use crate::table;
 pub(crate) fn run(arguments: &RunArguments) -> Result<u8> {
     let scene = scene(arguments)?;
     let mut outputs = Outputs::new(arguments, scene.name());
-    let untraced = outputs.check(&inputs(arguments, &scene))?;
+    let untraced = outputs.check(&scene_files(&arguments.scene, &scene))?;
     let world = scene.build().map_err(super::report)?;
     if let Some(folder) = &arguments.save_problems {
         clear_problems(folder, arguments.force)?;
@@ -46,7 +46,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<u8> {
     };
     let mut watcher = Watcher {
         line: (!arguments.quiet).then(|| ProgressLine::new(options.length.seconds(world.dt()))),
-        curves: Curves::default(),
+        curves: outputs.picture.is_some().then(Curves::default),
         table: outputs.csv.as_deref().map(|path| StepTable::new(path, !arguments.lockstep)),
     };
     let mut outcome = run_scene(&world, &options, &stop, &mut watcher).map_err(|e| Report::msg(e.to_string()))?;
@@ -109,24 +109,14 @@ fn scene(arguments: &RunArguments) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Files that must not be overwritten.
-fn inputs(arguments: &RunArguments, scene: &Scene) -> Vec<PathBuf> {
-    let file = Path::new(&arguments.scene);
-    let body = &scene.description().bodies[0];
-    let beside = |name: &str| file.parent().unwrap_or(Path::new("")).join(name);
-    let shapes = scene.description().shape_files().map(|name| Some(beside(name)));
-    let body = [Some(file.to_path_buf()), body.mesh.as_deref().map(beside), body.image.as_deref().map(beside)];
-    body.into_iter().chain(shapes).flatten().collect()
-}
-
 /// Writes table, picture and end state; what cannot be written is told in `lost`, for the run itself is not.
 fn write(outputs: &Outputs, watcher: Watcher, world: &World, outcome: &mut RunOutcome, lost: &mut Vec<String>) {
     let RunOutcome { summary, state, phase } = outcome;
     if let Some(table) = watcher.table {
         table.finish().map_or_else(|e| lost.push(e), |path| summary.files.push(path));
     }
-    if let Some(path) = &outputs.picture {
-        match picture::draw(path, &format!("{}: force and depth", summary.scene), &watcher.curves) {
+    if let (Some(path), Some(curves)) = (&outputs.picture, &watcher.curves) {
+        match picture::draw(path, &format!("{}: force and depth", summary.scene), curves) {
             Ok(()) => summary.files.push(path.clone()),
             Err(error) => lost.push(format!("{}: no picture: {error}", path.display())),
         }
@@ -146,7 +136,8 @@ fn print(summary: &RunSummary, json: bool) -> Result<()> {
 /// What the program does with a run while it goes on.
 struct Watcher {
     line: Option<ProgressLine>,
-    curves: Curves,
+    /// None where no picture is drawn.
+    curves: Option<Curves>,
     table: Option<StepTable>,
 }
 
@@ -158,14 +149,21 @@ impl Observer for Watcher {
     }
 
     fn step(&mut self, report: &StepReport) {
-        self.curves.friction.push((report.time, report.tangential_force));
-        self.curves.depth.push((report.time, report.indentation));
+        if let Some(curves) = &mut self.curves {
+            curves.friction.push(report.time, report.tangential_force);
+            curves.depth.push(report.time, report.indentation);
+        }
         if let Some(table) = &mut self.table {
             table.write(report);
         }
     }
 
     fn tick(&mut self, report: &TickReport) {
-        self.curves.force.push((report.record.time, report.record.wrench.force.norm()));
+        if let Some(curves) = &mut self.curves {
+            curves.force.push(report.record.time, report.record.wrench.force.norm());
+        }
+        if let Some(table) = &mut self.table {
+            table.tick(report);
+        }
     }
 }

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use crate::arguments::SolveArguments;
 use crate::exit;
-use crate::output::{check_writable, say};
+use crate::output::{check_kept, check_writable, say};
 use crate::solver_table;
 
 /// Entries of a residual history in JSON; a run with more iterations shows its begin.
@@ -23,6 +23,7 @@ pub(crate) fn solve(arguments: &SolveArguments) -> Result<u8> {
             let help = "solve the files one at a time, each with its own --out";
             return Err(miette!(help = help, "--out {} is for one FILE", out.display()));
         }
+        check_kept("--out", out, &arguments.files)?;
         check_writable("--out", out)?;
     }
     // Every file is read before any is solved: a mistake in the last must not cost the time of the others.

@@ -55,7 +55,7 @@ pub struct FemWorkspace {
     pub dt: f64,
     /// Whether the next assemblies filter the tangents; at first what the model says.
     pub filter: bool,
-    /// Quadratic elements that are held open; at first none.
+    /// Elements that are held open; at first none.
     pub folds: Folds,
     /// Upper blocks of `K`.
     upper: Vec<Matrix3<f64>>,

@@ -102,6 +102,10 @@ impl ClosedSurface {
     /// edge with two triangles that run through it in opposite directions. Vertices at the same place become one,
     /// triangles that then have fewer than three corners are left out, and a surface that encloses a negative volume
     /// is turned inside out.
+    ///
+    /// # Errors
+    /// [`SurfaceError::Degenerate`] for coordinates, an index or a volume that make no body,
+    /// [`SurfaceError::NotClosed`], [`SurfaceError::NotOriented`].
     pub fn new(vertices: Vec<Vector3<f64>>, triangles: Vec<[u32; 3]>) -> Result<Self, SurfaceError> {
         let degenerate = |message: String| Err(SurfaceError::Degenerate { message });
         if let Some(v) = vertices.iter().position(|x| x.iter().any(|c| !c.is_finite())) {
@@ -124,6 +128,10 @@ impl ClosedSurface {
 
     /// Reads `.stl`, `.obj` or `.ply`, by the name's ending. The formats hold no unit: coordinates are multiplied by
     /// `scale` (1.0 for files in metres, 1e-3 for millimetres).
+    ///
+    /// # Errors
+    /// [`SurfaceError::Io`], [`SurfaceError::UnknownFormat`], or [`SurfaceError::InFile`] with what is wrong in the
+    /// file.
     pub fn from_path(path: impl AsRef<Path>, scale: f64) -> Result<Self, SurfaceError> {
         let path = path.as_ref();
         let file = path.display().to_string();
@@ -139,16 +147,25 @@ impl ClosedSurface {
     }
 
     /// Reads an STL file, text or binary.
+    ///
+    /// # Errors
+    /// [`SurfaceError::Malformed`] with the place of the first mistake, and as [`ClosedSurface::new`].
     pub fn from_stl_bytes(bytes: &[u8], scale: f64) -> Result<Self, SurfaceError> {
         Self::from_soup(stl::read(bytes)?, scale)
     }
 
     /// Reads a Wavefront OBJ file: `v` and `f`; everything else is passed over.
+    ///
+    /// # Errors
+    /// [`SurfaceError::Malformed`] with the line of the first mistake, and as [`ClosedSurface::new`].
     pub fn from_obj_bytes(bytes: &[u8], scale: f64) -> Result<Self, SurfaceError> {
         Self::from_soup(obj::read(bytes)?, scale)
     }
 
     /// Reads a PLY file, text or binary of either byte order.
+    ///
+    /// # Errors
+    /// [`SurfaceError::Malformed`] with the place of the first mistake, and as [`ClosedSurface::new`].
     pub fn from_ply_bytes(bytes: &[u8], scale: f64) -> Result<Self, SurfaceError> {
         Self::from_soup(ply::read(bytes)?, scale)
     }

@@ -74,6 +74,9 @@ pub struct SymbolicFactor {
 
 impl SymbolicFactor {
     /// Orders by nested dissection of `positions` (in m, one per free node) and analyses. Takes milliseconds to seconds.
+    ///
+    /// # Errors
+    /// [`FactorError::PositionCount`], and as [`SymbolicFactor::with_ordering`].
     pub fn new(pattern: &BlockPattern, positions: &[Vector3<f64>]) -> Result<Self, FactorError> {
         if positions.len() != pattern.rows() {
             return Err(FactorError::PositionCount { positions: positions.len(), nodes: pattern.rows() });
@@ -83,6 +86,10 @@ impl SymbolicFactor {
 
     /// Analyses under a given ordering, or the postorder of its elimination tree if it is not one already (those of
     /// [`crate::ordering`] are): the fill is the same, and subtrees lie in one piece.
+    ///
+    /// # Errors
+    /// [`FactorError::NoFreeNodes`], [`FactorError::OrderingCount`], [`FactorError::MissingDiagonal`],
+    /// [`FactorError::TooLarge`].
     pub fn with_ordering(pattern: &BlockPattern, ordering: NodeOrdering) -> Result<Self, FactorError> {
         let nodes = pattern.rows();
         if nodes == 0 {

@@ -77,6 +77,9 @@ pub enum ImageError {
 
 impl LabelImage {
     /// Makes an image and checks that dimensions, spacing and number of labels fit.
+    ///
+    /// # Errors
+    /// [`ImageError::Inconsistent`] with the number that does not fit.
     pub fn new(dims: [usize; 3], spacing: [f64; 3], origin: Vector3<f64>, labels: Vec<u8>) -> Result<Self, ImageError> {
         let wrong = |message: String| Err(ImageError::Inconsistent { message });
         if spacing.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
@@ -95,6 +98,9 @@ impl LabelImage {
     }
 
     /// Reads `.inr`, `.inr.gz`, `.nii` or `.nii.gz`, by the name's ending.
+    ///
+    /// # Errors
+    /// [`ImageError::Io`], [`ImageError::UnknownFormat`], or [`ImageError::InFile`] with what is wrong in the file.
     pub fn from_path(path: impl AsRef<Path>) -> Result<Self, ImageError> {
         let path = path.as_ref();
         let file = path.display().to_string();
@@ -115,6 +121,9 @@ impl LabelImage {
     }
 
     /// Reads an INRIMAGE-4 of unsigned bytes, plain or compressed with gzip. `VX VY VZ` are taken as millimetres.
+    ///
+    /// # Errors
+    /// [`ImageError::Malformed`] or [`ImageError::Inconsistent`], with the value that is wrong.
     pub fn from_inrimage_bytes(bytes: &[u8]) -> Result<Self, ImageError> {
         inrimage::read(bytes)
     }
@@ -122,6 +131,9 @@ impl LabelImage {
     /// Reads a single-file NIfTI-1, plain or compressed with gzip. Any number type, if all values are whole numbers
     /// from 0 to 255. A left-handed voxel order is reversed along x, so that anatomy is never mirrored; the rotation
     /// of the scanner's affine is not applied, and `origin` is zero.
+    ///
+    /// # Errors
+    /// [`ImageError::Malformed`] or [`ImageError::Inconsistent`], with the value that is wrong.
     pub fn from_nifti_bytes(bytes: &[u8]) -> Result<Self, ImageError> {
         nifti1::read(bytes)
     }

@@ -3,9 +3,9 @@
 //! ```text
 //! (v⁺ - v⁻)/h + α (v⁺ + v⁻)/2 = M⁻¹ (f_ext + f_int(q) + β (f_int(q) - f_int(q - h v⁻))/h) + g,   q⁺ = q + h v⁺
 //! ```
-//! `v⁻` and `v⁺` belong to the half steps before and after `q`: the state holds `q` and the velocity half a step earlier
-//! ([`stagger`] and [`synchronise`] convert). Of second order without stiffness damping; energy oscillates but does not
-//! drift below the critical step; a free mode is a little too fast, `sin(ω' h/2) = ω h/2`.
+//! `v⁻` and `v⁺` belong to the half steps before and after `q`: the state holds `q` and the velocity half a step earlier.
+//! Of second order without stiffness damping; energy oscillates but does not drift below the critical step; a free mode is
+//! a little too fast, `sin(ω' h/2) = ω h/2`.
 //!
 //! Stiffness damping is lagged: the rate of the elastic force over the last step stands for `-K v`, which costs a second
 //! evaluation of forces but no tangent, and lowers the order to one. Mass damping is centred and costs nothing.
@@ -16,9 +16,9 @@
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use super::{critical_step::CriticalStep, nodal};
+use super::critical_step::CriticalStep;
 use crate::{
-    assembly::{AssemblyReport, FemWorkspace, advance_memory, internal_forces},
+    assembly::{AssemblyReport, FemWorkspace, internal_forces},
     model::{FemModel, FemState},
 };
 
@@ -58,7 +58,7 @@ impl ExplicitWorkspace {
 pub struct ExplicitReport {
     /// What the evaluation of the forces met.
     pub assembly: AssemblyReport,
-    /// First node whose motion is not finite; the state is then what it was.
+    /// First node whose motion is not finite.
     pub non_finite: Option<u32>,
     /// Largest speed of a node whose speed is a number (m/s).
     pub fastest: f64,
@@ -116,30 +116,10 @@ pub fn check_step(dt: f64, substeps: u32, critical: &CriticalStep) -> Result<(),
     Err(ExplicitError::Unstable { substeps, dt: substep, critical: critical.step, omega: critical.upper, needed })
 }
 
-/// One step `dt` (s) of central differences. `f_ext` is one force per mesh node (N), or empty. Allocates nothing.
-pub fn explicit_step(
-    model: &FemModel,
-    dt: f64,
-    f_ext: &[Vector3<f64>],
-    state: &mut FemState,
-    ws: &mut ExplicitWorkspace,
-) -> ExplicitReport {
-    let report = explicit_velocity(model, dt, f_ext, state, ws);
-    if report.non_finite.is_none() {
-        // The forces were those of a step that ended here.
-        advance_memory(model, state, dt);
-        for (k, &node) in model.node_of_free().iter().enumerate() {
-            let i = node as usize;
-            state.v[i] = nodal(&ws.velocity, k);
-            state.q[i] += state.v[i] * dt;
-        }
-    }
-    report
-}
-
-/// The velocity `v⁺` of the free nodes after a step `dt` (s), into [`ExplicitWorkspace::velocity`]; the state stays.
-/// For steps that correct it by contact before they move; of viscous tissue they take the memory along first
-/// ([`advance_memory`]).
+/// The velocity `v⁺` of the free nodes after a step `dt` (s), into [`ExplicitWorkspace::velocity`]; the state stays: a step
+/// corrects it by contact before it moves, and takes the memory of viscous tissue along first
+/// ([`advance_memory`](crate::assembly::advance_memory)). `f_ext` is one force per mesh node (N), or empty. Allocates
+/// nothing.
 pub fn explicit_velocity(
     model: &FemModel,
     dt: f64,
@@ -160,40 +140,6 @@ pub fn explicit_velocity(
         ws.velocity[3 * k..3 * k + 3].copy_from_slice(v.as_slice());
     }
     report
-}
-
-/// Takes the velocity of `state` from the time of `q` to half a step `dt` (s) before it.
-pub fn stagger(model: &FemModel, dt: f64, f_ext: &[Vector3<f64>], state: &mut FemState, ws: &mut ExplicitWorkspace) {
-    shift(model, dt, -1.0, f_ext, state, ws);
-}
-
-/// Takes the velocity of `state` from half a step `dt` (s) before `q` to the time of `q`.
-pub fn synchronise(
-    model: &FemModel,
-    dt: f64,
-    f_ext: &[Vector3<f64>],
-    state: &mut FemState,
-    ws: &mut ExplicitWorkspace,
-) {
-    shift(model, dt, 1.0, f_ext, state, ws);
-}
-
-/// Half a step forth (`sign` 1) or back (-1) in velocity alone; each undoes the other without stiffness damping.
-fn shift(
-    model: &FemModel,
-    dt: f64,
-    sign: f64,
-    f_ext: &[Vector3<f64>],
-    state: &mut FemState,
-    ws: &mut ExplicitWorkspace,
-) {
-    forces(model, dt, state, ws);
-    let half = 0.5 * dt * model.rayleigh_mass();
-    for &node in model.node_of_free() {
-        let i = node as usize;
-        let kick = acceleration(model, i, f_ext, ws) * (0.5 * dt);
-        state.v[i] = if sign > 0.0 { (state.v[i] + kick) / (1.0 + half) } else { state.v[i] * (1.0 + half) - kick };
-    }
 }
 
 /// Internal forces at the state and, where there is stiffness damping, a step earlier.

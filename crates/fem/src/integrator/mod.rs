@@ -2,7 +2,7 @@
 //!
 //! | method | file | order | per step | use |
 //! | --- | --- | --- | --- | --- |
-//! | backward Euler, one linearisation | [`backward_euler`] | 1 | one assembly, one solve | real time |
+//! | backward Euler, one linearisation | of the caller, by [`assemble`](crate::assembly::assemble) | 1 | one assembly, one solve | real time |
 //! | backward Euler, Newton with line search | [`backward_euler`] | 1 | some of both | reference |
 //! | central differences, lumped mass | [`explicit`] | 2 | one or two evaluations of forces | waves, soft tissue near 1 kHz |
 //! | static equilibrium, load stepping | [`equilibrium`] | - | - | the state in which a run begins, reference |

@@ -68,6 +68,9 @@ impl NeoHookean {
     }
 
     /// From the parameters of the energy: shear modulus `mu` (Pa) and volumetric modulus `k0` (Pa).
+    ///
+    /// # Errors
+    /// [`MaterialError::ShearModulus`], [`MaterialError::VolumeModulus`].
     pub fn from_moduli(mu: f64, k0: f64) -> Result<Self, MaterialError> {
         if !(mu > 0.0 && mu.is_finite()) {
             return Err(MaterialError::ShearModulus(mu));

@@ -54,6 +54,9 @@ const VOLUME_TOLERANCE: f64 = 1e-3;
 /// Meshes the labelled part of an image, with one region per label.
 ///
 /// The body is the blurred occupancy of all labels but 0, without voids ([`SmoothedOccupancy`]).
+///
+/// # Errors
+/// [`StuffingError`]: a cell or smoothing out of its range, too large or too small for the body, or nothing to mesh.
 pub fn stuff_image(image: &LabelImage, stuffing: &Stuffing) -> Result<(TetMesh, StuffingReport), StuffingError> {
     let extent = Vector3::from_fn(|a, _| image.dims[a] as f64 * image.spacing[a]);
     stuffing.check([image.origin, image.origin + extent])?;
@@ -88,11 +91,17 @@ pub fn stuff_image(image: &LabelImage, stuffing: &Stuffing) -> Result<(TetMesh, 
 
 /// Meshes the inside of a closed surface as one region, `body`. Nodes of the boundary lie on the surface, except
 /// where the boundary had to be parted (`mended_pinches`); edges and corners of the surface are cut off within a cell.
+///
+/// # Errors
+/// As [`stuff_image`].
 pub fn stuff_surface(surface: &ClosedSurface, stuffing: &Stuffing) -> Result<(TetMesh, StuffingReport), StuffingError> {
     stuff_level_set(surface, stuffing)
 }
 
 /// Meshes the inside of a level set as one region, `body`.
+///
+/// # Errors
+/// As [`stuff_image`].
 pub fn stuff_level_set(
     level_set: &(impl LevelSet + ?Sized),
     stuffing: &Stuffing,

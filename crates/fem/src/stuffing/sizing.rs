@@ -12,6 +12,9 @@ const ACCEPTED: f64 = 0.1;
 
 /// A cell (m) for which `count_nodes(cell)` is within `tolerance` (relative) of `nodes`, or the nearest of twelve
 /// trials if it is within a tenth: secant steps on log(nodes) against log(cell), nearly a line of slope -3 to -2.5.
+///
+/// # Errors
+/// [`StuffingError::NoSuchSize`], and what `count_nodes` answers.
 pub fn cell_for_nodes(
     nodes: usize,
     first: f64,
@@ -48,6 +51,9 @@ pub fn cell_for_nodes(
 /// A cell (m) for which the mesh of an image has `nodes` nodes within 2 %, or as near as
 /// [`cell_for_nodes`] comes. For the bundled liver: 15.5 mm for 1,500, 12.0 mm for 3,000, 8.4 mm for 8,000, 7.7 mm for
 /// 10,000.
+///
+/// # Errors
+/// [`StuffingError::Empty`], [`StuffingError::NoSuchSize`], and as [`stuff_image`](super::stuff_image).
 pub fn cell_for_nodes_of_image(image: &LabelImage, nodes: usize, stuffing: &Stuffing) -> Result<f64, StuffingError> {
     let labelled = image.labels.iter().filter(|&&l| l != 0).count() as f64 * image.voxel_volume();
     if labelled == 0.0 {

@@ -3,6 +3,8 @@
 //! A device is pulled: read a pose, write a wrench, once a tick, on one thread. A device is opened by a URI
 //! `name[:argument]` through the register [`DEVICES`]; to add one, write its file and its line there.
 
+mod mechanics;
+mod motion;
 pub mod scripted;
 pub mod spec;
 pub mod virtual_device;

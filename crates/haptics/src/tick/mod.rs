@@ -9,64 +9,42 @@
 //! Where the tick was given a tool and the snapshot carries a patch of tissue, contacts and rows are found anew in place of
 //! 2, on the patch and at the newest pose ([`PatchTickConfig`]).
 //!
-//! 4. The wrench Jᵀ λ goes through the limits ([`crate::limits`]) to the device.
+//! 4. The wrench Jᵀ λ goes through the fades, the energy account of the port ([`crate::passivity`]) and the limits
+//!    ([`crate::limits`]) to the device.
 //!
 //! A tick allocates nothing, takes no lock, makes no system call, has no panic path, and its work is bounded by the
 //! capacity and the number of sweeps: O(rows²) a sweep, and as much again when a snapshot is taken over.
 
+mod config;
+mod jump;
 mod local;
 mod patch;
+mod state;
 mod warm_start;
 
 use nalgebra::{Isometry3, Vector3};
 use palpate_solver::gauss_seidel::GaussSeidelConfig;
-use serde::{Deserialize, Serialize};
 
 use crate::SetupError;
-use crate::coupling::{Coupling, CouplingConfig, CouplingState};
+use crate::coupling::Coupling;
 use crate::device::{DeviceError, DeviceSample, DeviceSpec, TickTime};
 use crate::error::positive;
-use crate::limits::{Limits, LimitsConfig, LimitsState};
+use crate::limits::Limits;
+use crate::passivity::Passivity;
 use crate::record::{TickFlags, TickRecord};
 use crate::snapshot::HapticSnapshot;
 use crate::wrench::{Twist, Wrench, all_finite};
 
+pub use config::TickConfig;
 pub use local::TickWorkspace;
 pub use patch::PatchTickConfig;
+pub use state::TickState;
 
 use local::{Local, Problem};
 use patch::{PatchMemory, PatchProblem, ToolPoses};
-use warm_start::WarmStart;
 
-/// The tick as described by a scene.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TickConfig {
-    /// Nominal time between ticks \[s\], > 0 (0.001).
-    pub period: f64,
-    /// Most Gauss-Seidel sweeps of a tick, > 0 (30).
-    pub sweeps: u32,
-    /// Relative natural-map residual at which the sweeps stop, > 0 (1e-6).
-    pub tolerance: f64,
-    /// Spring and damper between device and tool.
-    pub coupling: CouplingConfig,
-    /// Limits of force.
-    pub limits: LimitsConfig,
-}
-
-impl TickConfig {
-    /// The defaults for a device, at the device's rate.
-    #[must_use]
-    pub fn for_device(spec: &DeviceSpec) -> Self {
-        Self {
-            period: 1.0 / spec.rate,
-            sweeps: 30,
-            tolerance: 1e-6,
-            coupling: CouplingConfig::for_device(spec),
-            limits: LimitsConfig::default(),
-        }
-    }
-}
+/// Periods after which a tick is late: half a period of jitter is none.
+const LATE: f64 = 1.5;
 
 /// Largest coordinate that a device pose may have \[m\]; beyond it the pose is an error of the driver.
 pub const MAX_COORDINATE: f64 = 1e3;
@@ -77,66 +55,9 @@ pub struct Tick {
     period: f64,
     solver: GaussSeidelConfig,
     coupling: Coupling,
+    passivity: Passivity,
     limits: Limits,
     patch: Option<PatchTickConfig>,
-}
-
-/// What a tick remembers: state.
-#[derive(Clone, Debug)]
-pub struct TickState {
-    coupling: CouplingState,
-    limits: LimitsState,
-    warm_start: WarmStart,
-    /// For ticks on patches.
-    patch: Option<PatchMemory>,
-    /// The step whose snapshot is in use.
-    step: Option<u64>,
-    age: f64,
-    /// Contact force of the snapshot that is about to be replaced, at the pose of this tick \[N\].
-    outgoing: Option<Vector3<f64>>,
-    device_pose: Isometry3<f64>,
-    device_velocity: Twist,
-}
-
-impl TickState {
-    /// The state before the first tick, for snapshots of up to `max_contacts` contacts.
-    #[must_use]
-    pub fn new(max_contacts: usize) -> Self {
-        Self {
-            coupling: CouplingState::default(),
-            limits: LimitsState::default(),
-            warm_start: WarmStart::new(max_contacts),
-            patch: None,
-            step: None,
-            age: f64::INFINITY,
-            outgoing: None,
-            device_pose: Isometry3::identity(),
-            device_velocity: Twist::default(),
-        }
-    }
-
-    /// Takes the force off and forgets everything but the capacity.
-    pub fn reset(&mut self) {
-        self.coupling = CouplingState::default();
-        self.limits.cut();
-        self.warm_start.clear();
-        self.forget_patch();
-        self.step = None;
-        self.age = f64::INFINITY;
-        self.outgoing = None;
-    }
-
-    /// Takes the force off at once, lets its return be a ramp, and forgets the stretch of the coupling.
-    pub(crate) fn cut(&mut self) {
-        self.coupling = CouplingState::default();
-        self.limits.cut();
-        self.forget_patch();
-    }
-
-    /// The next tick on a patch begins with the shape and the forces of the step.
-    fn forget_patch(&mut self) {
-        self.patch.iter_mut().for_each(PatchMemory::forget);
-    }
 }
 
 const NOT_A_WRENCH: Wrench =
@@ -159,6 +80,7 @@ impl Tick {
                 ..GaussSeidelConfig::default()
             },
             coupling: Coupling::new(&config.coupling, config.period)?,
+            passivity: Passivity::new(&config.passivity, spec, config.period)?,
             limits: Limits::new(&config.limits, spec)?,
             patch: None,
         })
@@ -248,35 +170,22 @@ impl Tick {
             state.device_velocity = Twist::default();
             state.cut();
             (Wrench::zero(), Local::EMPTY)
-        } else if snapshot.valid {
-            (state.device_pose, state.device_velocity) = (sample.pose, sample.velocity);
-            let poses = self.poses(state, sample);
-            let local = self.solve(state, snapshot, &poses, ws, &mut flags);
-            flags.set_if(local.truncated, TickFlags::TRUNCATED);
-            flags.set_if(!local.converged, TickFlags::NOT_CONVERGED);
-            state.coupling = self.coupling.settle(&state.coupling, &local.wrench);
-            self.keep(state, snapshot, &sample.pose, ws);
-            // Numbers in W or δ_free that are not finite end the force, even where λ is finite.
-            let target = if local.finite { local.wrench } else { NOT_A_WRENCH };
-            let sent = self.limits.apply(&mut state.limits, &target, state.age, dt, &mut flags);
-            if flags.contains(TickFlags::NON_FINITE) {
-                state.cut();
-                state.warm_start.clear_forces();
-                (sent, Local { wrench: Wrench::zero(), active: 0, ..local })
-            } else {
-                (sent, local)
-            }
         } else {
-            (state.device_pose, state.device_velocity) = (sample.pose, sample.velocity);
-            flags.set(if snapshot.step == 0 { TickFlags::NO_SNAPSHOT } else { TickFlags::INVALID_SNAPSHOT });
-            state.coupling = self.coupling.settle(&state.coupling, &Wrench::zero());
-            state.forget_patch();
-            (self.limits.release(&mut state.limits, dt, &mut flags), Local::EMPTY)
+            self.observe(state, sample);
+            if snapshot.valid {
+                self.touch(state, snapshot, sample, dt, ws, &mut flags)
+            } else {
+                flags.set(if snapshot.step == 0 { TickFlags::NO_SNAPSHOT } else { TickFlags::INVALID_SNAPSHOT });
+                state.coupling = self.coupling.settle(&state.coupling, &Wrench::zero());
+                state.forget_patch();
+                (self.limits.release(&mut state.limits, dt, &mut flags), Local::EMPTY)
+            }
         };
+        self.passivity.keep(&mut state.passivity, &sent, local.active > 0, aged);
 
         let swapped = flags.contains(TickFlags::NEW_SNAPSHOT);
         let jump = outgoing.filter(|_| swapped).map_or(0.0, |before| (local.wrench.force - before).norm());
-        record(state, snapshot, time, sent, &local, jump, flags)
+        record(state, snapshot, TickTime { dt: aged, ..time }, sent, &local, jump, flags)
     }
 
     /// A tick without a sample: no force, and a ramp when the device is back.
@@ -294,8 +203,59 @@ impl Tick {
         state.device_velocity = Twist::default();
         state.cut();
         state.outgoing = None;
-        let record = record(state, snapshot, time, Wrench::zero(), &Local::EMPTY, 0.0, flags);
+        let record = record(state, snapshot, TickTime { dt: aged, ..time }, Wrench::zero(), &Local::EMPTY, 0.0, flags);
         TickRecord { device_error: Some(error), ..record }
+    }
+
+    /// Takes a sound sample, and books what went through the port until now.
+    fn observe(&self, state: &mut TickState, sample: &DeviceSample) {
+        (state.device_pose, state.device_velocity) = (sample.pose, sample.velocity);
+        if state.jump.watch(&self.limits, &sample.pose.translation.vector) {
+            state.passivity.cut();
+        }
+        self.passivity.observe(&mut state.passivity, &sample.pose);
+    }
+
+    /// Contact at the newest pose, and what of its wrench is sent.
+    fn touch(
+        &self,
+        state: &mut TickState,
+        snapshot: &HapticSnapshot,
+        sample: &DeviceSample,
+        dt: f64,
+        ws: &mut TickWorkspace,
+        flags: &mut TickFlags,
+    ) -> (Wrench, Local) {
+        let poses = self.poses(state, sample);
+        let local = self.solve(state, snapshot, &poses, ws, flags);
+        flags.set_if(local.truncated, TickFlags::TRUNCATED);
+        flags.set_if(!local.converged, TickFlags::NOT_CONVERGED);
+        state.coupling = self.coupling.settle(&state.coupling, &local.wrench);
+        self.keep(state, snapshot, &sample.pose, ws);
+        let free = local.active == 0 && !flags.contains(TickFlags::BEYOND_PATCH);
+        flags.set_if(state.jump.withdraws(free), TickFlags::JUMPED);
+        // Numbers in W or δ_free that are not finite end the force, even where λ is finite.
+        let target = if local.finite { local.wrench } else { NOT_A_WRENCH };
+        let sent = self.send(state, &target, dt, flags);
+        if flags.contains(TickFlags::NON_FINITE) {
+            state.cut();
+            state.warm_start.clear_forces();
+            (sent, Local { wrench: Wrench::zero(), active: 0, ..local })
+        } else {
+            (sent, local)
+        }
+    }
+
+    /// What is left of a contact wrench by the fades, by the energy of the port, and by the limits.
+    fn send(&self, state: &mut TickState, target: &Wrench, dt: f64, flags: &mut TickFlags) -> Wrench {
+        let Some(faded) = self.limits.fade(&mut state.limits, target, state.age, dt, flags) else {
+            return Wrench::zero();
+        };
+        if flags.contains(TickFlags::JUMPED) {
+            return self.limits.release(&mut state.limits, dt, flags);
+        }
+        let passive = self.passivity.act(&state.passivity, &faded, &state.device_velocity, flags);
+        self.limits.bound(&mut state.limits, &passive, &state.device_velocity, dt, flags)
     }
 
     fn problem(&self) -> Problem<'_> {
@@ -352,6 +312,7 @@ impl Tick {
         if new {
             flags.set(TickFlags::NEW_SNAPSHOT);
             state.warm_start.take_over(snapshot);
+            state.jump.take_over();
             state.step = Some(snapshot.step);
             state.age = 0.0;
         } else {
@@ -373,12 +334,15 @@ impl Tick {
     /// so that the gap itself does not pass for time in which the force has risen.
     fn elapsed(&self, state: &mut TickState, dt: f64, flags: &mut TickFlags) -> (f64, f64) {
         let sound = dt > 0.0 && dt.is_finite();
+        let aged = if sound { dt } else { self.period };
+        flags.set_if(aged > LATE * self.period, TickFlags::LATE);
+        state.jump.pass(aged);
         if sound && !self.limits.is_gap(dt) {
             return (dt, dt);
         }
         flags.set(TickFlags::GAP);
         state.limits.gain = 0.0;
-        (self.period, if sound { dt } else { self.period })
+        (self.period, aged)
     }
 }
 
@@ -401,6 +365,7 @@ fn record(
     TickRecord {
         index: time.index,
         time: time.time,
+        dt: time.dt,
         device_pose: state.device_pose,
         device_velocity: state.device_velocity,
         tool_pose: state.coupling.tool(&state.device_pose),
@@ -415,6 +380,7 @@ fn record(
         snapshot_age: state.age,
         force_jump,
         gain: state.limits.gain,
+        energy: state.passivity.energy(),
         flags,
         device_error: None,
     }

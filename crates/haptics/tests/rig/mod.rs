@@ -125,7 +125,11 @@ pub(crate) struct Loop<D: HapticDevice> {
 impl<D: HapticDevice> Loop<D> {
     pub(crate) fn new(device: D, walls: Vec<Wall>) -> Self {
         let config = TickConfig::for_device(device.spec());
-        let bench = Bench::new(&config, device.spec());
+        Self::with_config(device, walls, &config)
+    }
+
+    pub(crate) fn with_config(device: D, walls: Vec<Wall>, config: &TickConfig) -> Self {
+        let bench = Bench::new(config, device.spec());
         let (writer, reader) = latest(&HapticSnapshot::new(8));
         Self { device, bench, walls, writer, reader, tool_pose: Isometry3::identity() }
     }

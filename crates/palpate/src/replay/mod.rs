@@ -19,22 +19,24 @@ use crate::step::{StepReport, digest};
 use crate::tick::TickReport;
 
 /// What a comparison found.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ReplayReport {
     /// Ticks in the trace.
     pub ticks: usize,
     /// Ticks of the new run that the trace does not hold, or the other way round.
     pub unmatched: usize,
-    /// The first tick whose force or tool pose differs in any bit.
+    /// The first tick whose force, torque or tool pose differs in any bit.
     pub first_difference: Option<u64>,
     /// Largest difference of a force (N).
     pub largest_difference: f64,
     /// The first step after which a rigid body was elsewhere, by any bit.
     pub first_body_difference: Option<u64>,
+    /// Where the trace ends early, as after a run that was killed: why. What lies before was compared.
+    pub damage: Option<String>,
 }
 
 impl ReplayReport {
-    /// True where every tick has the same bits.
+    /// True where every tick that the trace holds has the same bits.
     pub fn is_identical(&self) -> bool {
         self.unmatched == 0 && self.first_difference.is_none() && self.first_body_difference.is_none()
     }
@@ -70,12 +72,16 @@ pub enum ReplayError {
     Run(#[from] RunError),
 }
 
-/// Runs the scene of a trace again.
+/// Runs the scene of a trace again, as far as the trace goes.
 ///
 /// # Errors
-/// An unreadable trace, one without a scene, or one recorded in real time that lacks records.
+/// An unreadable trace, one without a scene or any tick, or one recorded in real time that lacks records.
 pub fn replay(path: &Path) -> Result<ReplayReport, ReplayError> {
-    let trace = Trace::load(path)?;
+    let (trace, damage) = Trace::recover(path)?;
+    let damage = match damage {
+        Some(damage) if trace.ticks.is_empty() || trace.attachment(SCENE).is_none() => return Err(damage.into()),
+        damage => damage.map(|damage| damage.to_string()),
+    };
     let engine = trace.metadata.get("engine").cloned().unwrap_or_default();
     let entry = |key: &str| engine.get(key).map(String::as_str).unwrap_or_default();
     let text = trace.attachment(SCENE).and_then(|bytes| std::str::from_utf8(bytes).ok());
@@ -87,14 +93,16 @@ pub fn replay(path: &Path) -> Result<ReplayReport, ReplayError> {
     let mut comparison = Comparison::new(&trace);
     if entry("mode") != LOCKSTEP {
         let complete = workers(None)?.install(|| recorded::again(&world, &trace, &mut comparison))?;
-        return if complete { Ok(comparison.report()) } else { Err(ReplayError::RealTime { path: path.into() }) };
+        let report = ReplayReport { damage, ..comparison.report() };
+        return if complete { Ok(report) } else { Err(ReplayError::RealTime { path: path.into() }) };
     }
-    // A run that was interrupted is as long as it came.
+    // A run that was interrupted or killed is as long as it came.
     let ended = trace.metadata.get(END).and_then(|end| end.get(TICKS)?.parse::<u64>().ok());
+    let ended = ended.or_else(|| trace.ticks.last().filter(|_| damage.is_some()).map(|last| last.tick + 1));
     let seconds = ended.map_or(seconds, |ticks| ticks as f64 / scene.description().rates.tick);
     let options = RunOptions { length: Length::Seconds(seconds), lockstep: true, ..RunOptions::default() };
     run(&world, &options, &AtomicBool::new(false), &mut comparison)?;
-    Ok(comparison.report())
+    Ok(ReplayReport { damage, ..comparison.report() })
 }
 
 struct Comparison<'a> {
@@ -120,6 +128,7 @@ impl<'a> Comparison<'a> {
             first_difference: self.first,
             largest_difference: self.largest,
             first_body_difference: self.first_body,
+            damage: None,
         }
     }
 }
@@ -143,10 +152,14 @@ impl Observer for Comparison<'_> {
             return;
         };
         self.next += 1;
-        let force: [f64; 3] = report.record.wrench.force.into();
-        let position: [f64; 3] = report.record.tool_pose.translation.vector.into();
-        let same = |a: [f64; 3], b: [f64; 3]| a.iter().zip(&b).all(|(x, y)| x.to_bits() == y.to_bits());
-        if !same(force, recorded.force) || !same(position, recorded.tool_position) {
+        let (wrench, pose) = (&report.record.wrench, &report.record.tool_pose);
+        let force: [f64; 3] = wrench.force.into();
+        let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(x, y)| x.to_bits() == y.to_bits());
+        let same = same(&force, &recorded.force)
+            && same(wrench.torque.as_slice(), &recorded.torque)
+            && same(pose.translation.vector.as_slice(), &recorded.tool_position)
+            && same(pose.rotation.coords.as_slice(), &recorded.tool_orientation);
+        if !same {
             self.first.get_or_insert(recorded.tick);
             let difference = force.iter().zip(&recorded.force).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             self.largest = self.largest.max(difference);

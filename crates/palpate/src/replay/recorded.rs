@@ -4,6 +4,8 @@
 //! the device, its time and the step whose snapshot it had. Steps are done when the first tick needs them, factors when
 //! their matrix is there.
 
+use std::collections::VecDeque;
+
 use nalgebra::{Isometry3, Quaternion, Translation3, Unit, Vector3};
 use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, HapticDevice, TickTime};
 use palpate_haptics::exchange::{Writer, latest};
@@ -12,11 +14,11 @@ use palpate_haptics::wrench::{Twist, Wrench};
 use palpate_trace::{FactorStatus, TickFlags, TickRecord, Trace};
 
 use super::Comparison;
+use crate::changes::{ChangeQueue, TakenChange, from_text};
 use crate::pace::seconds;
-use crate::record::{DEVICE_RECORD, TickLine};
+use crate::record::{CHANGES, DEVICE_RECORD, END, TickLine};
 use crate::refresh::FactorSample;
 use crate::run::{Observer, RunError};
-use crate::settle::settle;
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
 use crate::tick::{TickReport, Ticker};
 use crate::world::World;
@@ -52,15 +54,21 @@ struct Steps<'a> {
     ws: StepWorkspace,
     /// The factor in use first.
     factors: Vec<FactorSample>,
+    /// Changes from outside that are still to come, and their way to the steps.
+    changes: VecDeque<TakenChange>,
+    queue: ChangeQueue,
     snapshots: Writer<HapticSnapshot>,
 }
 
 impl<'a> Steps<'a> {
     fn new(world: &'a World, trace: &'a Trace, snapshots: Writer<HapticSnapshot>) -> Result<Self, RunError> {
-        let (rest, _) = settle(world);
+        let rest = world.start().clone();
         let mut ws = StepWorkspace::new(world);
         let factors = vec![FactorSample::first(world, &rest, &mut ws)?];
-        Ok(Self { world, trace, state: StepState::new(world, rest), ws, factors, snapshots })
+        let text = trace.metadata.get(END).and_then(|end| end.get(CHANGES)).map_or("", String::as_str);
+        let changes = from_text(text).unwrap_or_default().into();
+        let queue = ChangeQueue::new(world, &mut ws);
+        Ok(Self { world, trace, state: StepState::new(world, rest), ws, factors, changes, queue, snapshots })
     }
 
     /// Goes on until `count` steps are done and the snapshot of the last is published; false where a record is missing.
@@ -80,6 +88,9 @@ impl<'a> Steps<'a> {
         self.factors.drain(..in_use);
         let time = seconds(record.time_ns);
         let tool = pose(record.tool_position, record.tool_orientation);
+        while let Some(change) = self.changes.pop_front_if(|change| change.step == number) {
+            self.queue.change(self.world, &change.request).ok()?;
+        }
         let factor = self.factors.first_mut()?;
         pass_events(self.world, time, factor, &mut self.state, &mut self.ws);
         let input = StepInput { time, tool, factor };
@@ -91,7 +102,11 @@ impl<'a> Steps<'a> {
         for factor in self.trace.factors.iter().filter(made) {
             let (q, system) = (self.state.before(), &self.ws.fem.system);
             let sample = FactorSample::new(self.world.symbolic(), factor.epoch, number, time, q, system);
-            self.factors.push(sample.ok()?);
+            let mut sample = sample.ok()?;
+            if self.world.changes_ever() {
+                sample.remember(&self.state.state_before().memory);
+            }
+            self.factors.push(sample);
         }
         Some(report)
     }

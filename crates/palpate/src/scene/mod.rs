@@ -9,12 +9,12 @@ mod parse;
 use std::path::{Path, PathBuf};
 
 pub use bundled::{BUNDLED_SCENES, BundledScene};
-pub(crate) use check::MOST_SUBSTEPS;
+pub(crate) use check::{MOST_SUBSTEPS, Staleness, staleness};
 pub use description::{
     Axis, BlockDescription, BodyDescription, ContactDescription, ContactLawKind, ContactMethod, DeviceDescription,
-    EventDescription, ExplicitDescription, FixedBodyDescription, HandDescription, IntegratorKind, NewtonDescription,
-    NodeSelection, Plane, RatesDescription, Refactor, RigidBodyDescription, SceneDescription, SolidShape,
-    SolverDescription, TickDescription, TickMethod, TissueDescription, ToolDescription,
+    EventDescription, ExplicitDescription, FixedBodyDescription, HandDescription, IntegratorKind, IsGiven,
+    NewtonDescription, NodeSelection, Plane, RatesDescription, Refactor, RigidBodyDescription, SceneDescription,
+    SolidShape, SolverDescription, TickDescription, TickMethod, TissueDescription, ToolDescription,
 };
 pub use error::{InvalidScene, SceneError};
 

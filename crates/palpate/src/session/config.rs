@@ -22,6 +22,8 @@ pub struct PortConfig {
     pub max_force: Option<f64>,
     /// Largest torque of the device (N m); 0: none is sent.
     pub max_torque: Option<f64>,
+    /// Largest power that is given to the hand (W).
+    pub max_power: Option<f64>,
     /// Largest closed-loop stiffness of the device at 1 kHz (N/m).
     pub max_stiffness: Option<f64>,
     /// Largest closed-loop damping of the device at 1 kHz (N s/m).
@@ -38,6 +40,10 @@ pub struct PortConfig {
     pub stale_zero: Option<f64>,
     /// Time between two ticks after which the force comes back as a ramp (s).
     pub gap: Option<f64>,
+    /// Energy that a contact may give out beyond what it took in (J).
+    pub energy_allowance: Option<f64>,
+    /// Whether the passivity layer acts on the force.
+    pub passivity: Option<bool>,
     /// Where the device stands.
     pub place: Option<PlaceConfig>,
 }
@@ -64,15 +70,16 @@ impl PortConfig {
             (d.device.library, d.device.url, d.device.trace) = (None, None, None);
             d.rates.tick = rate;
             if d.coupling.is_none() {
-                let share = (rate / record.rate).min(1.0);
-                let at_rate = DeviceSpec { max_stiffness: share * record.max_stiffness, ..record.clone() };
-                d.coupling = Some(CouplingConfig::for_device(&at_rate));
+                d.coupling = Some(CouplingConfig::at_rate(&record, rate));
             }
             (d.device.preset, d.device.record) = (None, Some(record));
             if let Some(place) = self.place {
                 (d.device.origin, d.device.axes) = (place.origin, place.axes);
             }
             let set = |value: &mut f64, given: Option<f64>| *value = given.unwrap_or(*value);
+            d.passivity.control = self.passivity.unwrap_or(d.passivity.control);
+            d.passivity.allowance = self.energy_allowance.unwrap_or(d.passivity.allowance);
+            d.limits.max_power = self.max_power.or(d.limits.max_power);
             set(&mut d.limits.force_slew, self.force_slew);
             set(&mut d.limits.torque_slew, self.torque_slew);
             set(&mut d.limits.fade_in, self.fade_in);

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::run::{Observer, Progress};
 use crate::step::StepReport;
-use crate::summary::{Percentiles, Tail};
+use crate::summary::{Percentiles, PortSummary, Tail};
 use crate::tick::{TickFlags, TickReport};
 
 /// A session so far. Times in seconds, forces in newtons.
@@ -32,10 +32,12 @@ pub struct Statistics {
     pub contacts_dropped: u64,
     /// Contacts that carry force, at the latest step.
     pub contacts: u32,
-    /// Ticks that were cut by a limit of force, torque or slew.
+    /// Ticks that were cut by a limit of force, torque, power or slew.
     pub limited: u64,
     /// Ticks that sent no force because a number or a pose was not sound.
     pub refused: u64,
+    /// The device's port: energy, and what acted on the force.
+    pub port: PortSummary,
     /// Largest force that was sent (N).
     pub largest_force: f64,
     /// Largest jump of the contact force at a new snapshot (N).
@@ -92,7 +94,7 @@ impl Observer for Ledger {
         s.steps += 1;
         s.factors = report.factor_epoch + 1;
         s.step_overruns += u64::from(report.overruns);
-        s.contacts_dropped += report.detection.dropped as u64;
+        s.contacts_dropped += report.dropped();
         s.contacts = report.active as u32;
         s.factor_age = report.factor_age;
     }
@@ -105,10 +107,51 @@ impl Observer for Ledger {
         s.time = record.time;
         s.ticks += 1;
         s.tick_overruns += u64::from(report.overruns);
-        let limited = any(&[TickFlags::FORCE_LIMITED, TickFlags::TORQUE_LIMITED, TickFlags::SLEW_LIMITED]);
+        use TickFlags as F;
+        let limited = any(&[F::FORCE_LIMITED, F::TORQUE_LIMITED, F::POWER_LIMITED, F::SLEW_LIMITED]);
+        s.port.add(record);
         s.limited += u64::from(limited);
         s.refused += u64::from(any(&[TickFlags::BAD_POSE, TickFlags::NON_FINITE]));
         s.largest_force = s.largest_force.max(record.wrench.force.norm());
         s.largest_jump = s.largest_jump.max(record.force_jump);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::scene::Scene;
+    use crate::simulation::Simulation;
+
+    /// A block on a floor that has room for four of its twenty-five nodes.
+    const CROWDED: &str = r#"
+        name = "crowded"
+        [[body]]
+        name = "block"
+        block = { min = [0, 0, 0], max = [0.04, 0.04, 0.04], cells = [4, 4, 2] }
+        material = { law = "neo_hookean", young = 5e3, poisson = 0.4 }
+        [[fixed_body]]
+        name = "floor"
+        shape = { kind = "plane", normal = [0, 0, 1] }
+        max_contacts = 4
+        [[tool]]
+        name = "ball"
+        shape = { kind = "sphere", radius = 0.005 }
+        [hand]
+        path = [{ time = 0.0, position = [0.02, 0.02, 0.3] }]
+    "#;
+
+    #[test]
+    fn contacts_of_other_bodies_without_room_are_counted() {
+        let world = Scene::from_toml(CROWDED, Path::new("")).unwrap().build().unwrap();
+        let mut simulation = Simulation::new(&world).unwrap();
+        let report = simulation.step(&world.first_pose());
+        let mut ledger = Ledger::new();
+        ledger.step(&report);
+        ledger.step(&report);
+        assert_eq!((report.detection.dropped, report.dropped()), (0, 21));
+        assert_eq!(ledger.statistics().contacts_dropped, 2 * 21);
     }
 }

@@ -15,20 +15,21 @@ mod port;
 
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
 use palpate_devices::place::Place;
 use palpate_haptics::exchange::{Receiver as Ring, Sender};
 
+use crate::changes::ChangeQueue;
 use crate::engine::{Engine, workers};
 use crate::gathering::Gathering;
 use crate::realtime::{Switches, TickThread, Ticks, attend, tick_reports};
 use crate::run::{Length, RunError, RunOptions, RunOutcome};
 use crate::summary::RunEnd;
 use crate::tick::{TickReport, TickStage};
-use crate::world::World;
+use crate::world::{ChangeError, ChangeRequest, World};
 use ledger::Ledger;
 
 pub use crate::realtime::raise_priority;
@@ -98,15 +99,17 @@ impl Drop for FailedUnlessEnded<'_> {
 
 /// A scene that runs until it is stopped. Dropping it stops it.
 pub struct Session {
+    world: Arc<World>,
     shared: Arc<Shared>,
     ledger: Ledger,
     /// Taken when the threads are told to start.
     starter: Option<SyncSender<()>>,
     runner: Option<JoinHandle<Result<RunOutcome, RunError>>>,
+    changes: Mutex<Option<ChangeQueue>>,
 }
 
 /// What a set-up thread answers.
-type SetUp = Result<(TickStage, Sender<TickReport>), RunError>;
+type SetUp = Result<(TickStage, Sender<TickReport>, Option<ChangeQueue>), RunError>;
 
 impl Session {
     /// Settles the body, factors its first matrix, opens the trace. Of `options`, `threads` and `trace` are used.
@@ -137,9 +140,10 @@ impl Session {
                 .map_err(|e| RunError::Threads(e.to_string()))?
         };
         match set_up.recv() {
-            Ok(Ok((stage, reports))) => {
+            Ok(Ok((stage, reports, changes))) => {
                 let port = Port::new(stage, spec, place, reports, Arc::clone(&shared));
-                Ok((Self { shared, ledger, starter: Some(starter), runner: Some(runner) }, port))
+                let (starter, runner, changes) = (Some(starter), Some(runner), Mutex::new(changes));
+                Ok((Self { world, shared, ledger, starter, runner, changes }, port))
             }
             Ok(Err(error)) => Err(error),
             Err(_) => Err(RunError::Threads("the thread that sets the session up has failed".into())),
@@ -164,6 +168,23 @@ impl Session {
             self.shared.paused.store(paused, Ordering::Release);
         }
         live
+    }
+
+    /// Changes the body while it runs: nodes released or held, elements removed. The changed body is made on the calling
+    /// thread, in some ten milliseconds per thousand nodes, while steps and ticks go on; the first step that begins
+    /// afterwards takes it. Calls from several threads are done one after another. What happens, in words.
+    ///
+    /// The trace keeps what was asked for and the step that took it, and a replay does it again.
+    ///
+    /// # Errors
+    /// A session that does not run; a scene without room for changes, or for no more of them; selections that do not fit
+    /// the body as earlier changes have left it.
+    pub fn change(&self, request: &ChangeRequest) -> Result<String, ChangeError> {
+        if !self.phase().is_live() {
+            return Err(ChangeError::NotRunning);
+        }
+        let mut changes = self.changes.lock().unwrap_or_else(PoisonError::into_inner);
+        changes.as_mut().ok_or(ChangeError::NoRoom)?.change(&self.world, request)
     }
 
     /// What it is doing.
@@ -233,10 +254,11 @@ fn live(
             return Err(told);
         }
     };
-    let (stage, engine) = engine.split();
+    let (stage, mut engine) = engine.split();
+    let changes = engine.changes.take();
     let (reports, ticks) = tick_reports(world);
     // Nobody waits any more where the opener has gone.
-    let _ = answer.send(Ok((stage, reports)));
+    let _ = answer.send(Ok((stage, reports, changes)));
     let outcome = match (started.recv(), shared.start.get()) {
         (Ok(()), Some(&start)) => watch(engine, &pool, ticks, start, shared, &mut ledger),
         _ => {

@@ -26,9 +26,6 @@ use crate::world::{Integration, World};
 /// Relative residual at which a compared column counts as exact.
 const SAMPLE_TOLERANCE: f64 = 1e-6;
 
-/// Steps that are taken exactly after one that missed the accuracy, before the cheaper method is tried again.
-const EXACT_STEPS: u32 = 15;
-
 /// Whether the correction by the inverse that gave `W` is only where conjugate gradients begin.
 pub(super) fn corrects_exactly(world: &World, ws: &StepWorkspace, report: &StepReport) -> bool {
     // A direct approach brings its motion along.
@@ -122,7 +119,7 @@ pub(super) fn misfit(ws: &StepWorkspace) -> Misfit {
 }
 
 /// How far the motion under the forces opens the gap of a row (m).
-fn opening(ws: &StepWorkspace, row: usize) -> f64 {
+pub(super) fn opening(ws: &StepWorkspace, row: usize) -> f64 {
     ws.dt * (ws.rows.tissue.dot(row, &ws.correction) + ws.rows.rigid.dot(row, &ws.rigid.correction))
 }
 
@@ -141,7 +138,7 @@ pub(super) fn sample_column(world: &World, factor: &FactorSample, ws: &mut StepW
     let lambda = &ws.lambda_of_sample[..m];
     ws.load.fill(0.0);
     ws.rows.tissue.add_transposed(lambda, &mut ws.load);
-    let (inverse, _) = inverse(world, factor, None, None, &ws.rotations);
+    let (inverse, _) = inverse(world, factor, None, None, ws.first.as_ref(), &ws.rotations);
     // Where there is no guess, the iterations begin at zero.
     compliance::guess(inverse, lambda, 1.0, &mut ws.sample, &mut ws.compliance);
     let config = PcgConfig { relative_tolerance: SAMPLE_TOLERANCE, max_iterations: most };
@@ -166,11 +163,4 @@ pub(super) fn sample_column(world: &World, factor: &FactorSample, ws: &mut StepW
         report.error.sampled = worst / largest;
         report.error.sampled_row = row as u32;
     }
-}
-
-/// Steps up to exact steps for a while where the scene's accuracy was missed.
-pub(super) fn choose_next(world: &World, state: &mut StepState, report: &StepReport) {
-    let Some(accuracy) = world.plan().accuracy else { return };
-    let missed = report.method != ComplianceMethod::Exact && report.error.measured().is_some_and(|e| e > accuracy);
-    state.exact_steps = if missed { EXACT_STEPS } else { state.exact_steps.saturating_sub(1) };
 }

@@ -1,4 +1,4 @@
-//! The part of fixed and rigid bodies in a step: their contacts, rows, warm start and motion.
+//! The part of fixed and rigid bodies in a step: their contacts, rows and warm start. Their motion is in `rigid`.
 //!
 //! A contact between tissue and such a body has two sides in one row: nodes of the tissue and the twist of the body
 //! ([`palpate_constraints::rows`]). `W` is the sum over all bodies ([`palpate_constraints::body`]), each with its own `A`:
@@ -6,19 +6,14 @@
 //! so that what the tick needs is the leading block of the problem; towards the tick the other contacts keep the forces
 //! that the step found for them.
 
-use std::ops::Range;
-
 use nalgebra::{Isometry3, Vector3};
 use palpate_collision::contact::ContactSet;
 use palpate_collision::solid_contact::{Placed, SolidContact, meet};
 use palpate_collision::{Solid, detect_solid};
-use palpate_constraints::body::{Body, RigidBodies, RigidInverse};
-use palpate_constraints::law::{Coulomb, Law, Signorini};
-use palpate_constraints::rows::{
-    ContactRows, Counterpart, RigidSide, RowInput, RowReport, ToolMotion, Twist, append_rows, append_solid_rows,
-};
+use palpate_constraints::law::Law;
+use palpate_constraints::rows::{Counterpart, RowInput, RowReport, ToolMotion, append_rows, append_solid_rows};
 use palpate_constraints::warm_start::WarmStart;
-use palpate_rigid::{FreeMotion, RigidState, advance, free_motion};
+use palpate_rigid::RigidState;
 
 use super::{StepReport, StepState, StepWorkspace};
 use crate::world::{Change, Far, Near, Pair, World};
@@ -40,7 +35,7 @@ impl PairState {
         let most = pair.detection.max_contacts;
         let contacts = match pair.near {
             Near::Soft => PairContacts::Tissue(ContactSet::with_capacity(most)),
-            Near::Rigid(_) => PairContacts::Solids(Vec::with_capacity(most)),
+            Near::Rigid(_) | Near::Fixed(_) => PairContacts::Solids(Vec::with_capacity(most)),
         };
         Self { contacts, warm_start: WarmStart::with_capacity(most) }
     }
@@ -93,71 +88,6 @@ pub struct PairForce {
     pub force: Vector3<f64>,
 }
 
-/// Scratch of the rigid bodies.
-pub(super) struct RigidStage {
-    pub(super) inverse: Vec<RigidInverse>,
-    free: Vec<FreeMotion>,
-    /// `Δv` and `Δω` of the contact forces, or of those that are not carried by the free motion.
-    pub(super) correction: Vec<Twist>,
-    /// The same of forces that Newton's method carries.
-    pub(super) carried: Vec<Twist>,
-    /// `A⁻¹ Hᵀ` of one row.
-    pub(super) sample: Vec<Twist>,
-    /// Blocks of each pair.
-    blocks: Vec<Range<usize>>,
-    /// Number of blocks of the tool on the skin: the first of all.
-    pub(super) skin_blocks: usize,
-    /// The same with those of the tool on rigid bodies, which follow.
-    pub(super) tool_blocks: usize,
-    /// Gaps of the tool's rows if nothing but the other contacts touched (m).
-    pub(super) tool_delta: Vec<f64>,
-}
-
-impl RigidStage {
-    pub(super) fn new(world: &World) -> Self {
-        let twists = vec![Twist::default(); world.bodies().rigid.len()];
-        let pairs = world.bodies().pairs.len();
-        Self {
-            inverse: Vec::with_capacity(twists.len()),
-            free: Vec::with_capacity(twists.len()),
-            correction: twists.clone(),
-            carried: twists.clone(),
-            sample: twists,
-            blocks: Vec::with_capacity(pairs),
-            skin_blocks: 0,
-            tool_blocks: 0,
-            tool_delta: Vec::with_capacity(super::workspace::ROWS * world.detection().max_contacts),
-        }
-    }
-
-    /// No pair has a block.
-    pub(super) fn clear_blocks(&mut self) {
-        self.blocks.clear();
-        (self.skin_blocks, self.tool_blocks) = (0, 0);
-    }
-
-    fn side(&self, body: usize, state: &[RigidState]) -> Option<RigidSide> {
-        let (free, carried) = (self.free.get(body)?, self.carried.get(body)?);
-        let centre = state.get(body)?.pose.translation.vector;
-        let linear = free.velocity + carried.linear;
-        Some(RigidSide {
-            body: body as u32,
-            centre,
-            free: Twist { linear, angular: free.angular_velocity + carried.angular },
-        })
-    }
-
-    /// Lets the next free motion carry these forces.
-    pub(super) fn carry(&mut self, rows: &ContactRows, lambda: &[f64], dt: f64) {
-        RigidBodies { inverse: &self.inverse, correction: &mut self.carried }.correct(rows, lambda, dt);
-    }
-
-    /// `Δv = h A⁻¹ Hᵀ λ` of all rigid bodies.
-    pub(super) fn correct(&mut self, rows: &ContactRows, lambda: &[f64], dt: f64) -> bool {
-        RigidBodies { inverse: &self.inverse, correction: &mut self.correction }.correct(rows, lambda, dt)
-    }
-}
-
 /// What the pair `k` of [`Bodies::pairs`](crate::world::Bodies) did in the last step; none where there is no such pair.
 pub(super) fn pair_force(ws: &StepWorkspace, k: usize) -> Option<PairForce> {
     let blocks = ws.rigid.blocks.get(k)?.clone();
@@ -170,23 +100,6 @@ pub(super) fn pair_force(ws: &StepWorkspace, k: usize) -> Option<PairForce> {
         sum.force += frame.to_world(force);
     }
     Some(sum)
-}
-
-/// The law of contacts with a coefficient of friction.
-pub(super) fn law(friction: f64) -> Law {
-    if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() }
-}
-
-/// The free motion of the rigid bodies, and their `A⁻¹`.
-pub(super) fn rigid_motion(world: &World, state: &StepState, ws: &mut StepWorkspace) {
-    let gravity = world.model().gravity();
-    ws.rigid.inverse.clear();
-    ws.rigid.free.clear();
-    for (body, state) in world.bodies().rigid.iter().zip(&state.rigid) {
-        let inertia = state.inverse_inertia(&body.model);
-        ws.rigid.inverse.push(RigidInverse { mass: 1.0 / body.model.mass(), inertia });
-        ws.rigid.free.push(free_motion(&body.model, state, gravity, ws.dt));
-    }
 }
 
 /// Shape and place of a body that is not soft; for the tool its pose of the step's end.
@@ -236,7 +149,7 @@ pub(super) fn detection(
                 total.non_finite += u32::from(seen.non_finite);
                 total.deepest_gap = contacts.iter().fold(total.deepest_gap, |least, c| least.min(c.gap));
             }
-            (PairContacts::Solids(_), Near::Soft) => {}
+            (PairContacts::Solids(_), Near::Soft | Near::Fixed(_)) => {}
         }
     }
 }
@@ -261,10 +174,10 @@ pub(super) fn rows(
             Far::Rigid(k) => ws.rigid.side(k, &state.rigid).map(Counterpart::Rigid),
         };
         let near = match pair.near {
-            Near::Soft => None,
+            Near::Soft | Near::Fixed(_) => None,
             Near::Rigid(k) => ws.rigid.side(k, &state.rigid),
         };
-        let friction = pair.friction > 0.0;
+        let friction = pair.law.rows() > 1;
         report = report.and(match (&found.contacts, counterpart, near) {
             (PairContacts::Tissue(set), Some(counterpart), _) => {
                 let free_of_node = world.model().free_of_node();
@@ -289,17 +202,21 @@ pub(super) fn rows(
 pub(super) fn push_laws(world: &World, of_tool: Law, ws: &mut StepWorkspace) {
     (0..ws.rigid.skin_blocks).for_each(|_| ws.problem.push_block(of_tool));
     for (pair, blocks) in world.bodies().pairs.iter().zip(&ws.rigid.blocks) {
-        blocks.clone().for_each(|_| ws.problem.push_block(law(pair.friction)));
+        blocks.clone().for_each(|_| ws.problem.push_block(pair.law));
     }
 }
 
-/// Law and identity of a block of the tool on a rigid body, as the tick knows contacts: the identity holds the pair in the
-/// bits that features leave free.
+/// How the tick knows a contact of a pair: with the pair's number in the bits that features leave free.
+pub(super) fn identity(feature: u64, pair: usize) -> u64 {
+    feature | (pair as u64 & 0x1ff) << 52
+}
+
+/// Law and identity of a block of the tool on a rigid body, as the tick knows contacts.
 pub(super) fn tool_block(world: &World, state: &StepState, ws: &StepWorkspace, block: usize) -> Option<(Law, u64)> {
     let pair = ws.rigid.blocks.iter().position(|blocks| blocks.contains(&block))?;
     let contact = ws.rows.blocks.get(block)?.contact as usize;
     let PairContacts::Solids(contacts) = &state.pairs.get(pair)?.contacts else { return None };
-    Some((law(world.bodies().pairs.get(pair)?.friction), contacts.get(contact)?.feature | (pair as u64 & 0x1ff) << 52))
+    Some((world.bodies().pairs.get(pair)?.law, identity(contacts.get(contact)?.feature, pair)))
 }
 
 /// First guesses of the forces of all pairs; a contact may have slid by `radius` (m).
@@ -336,46 +253,4 @@ pub(super) fn store(state: &mut StepState, ws: &mut StepWorkspace, report: &mut 
     for (j, l) in lambda.iter().enumerate().skip(of_tool).filter(|(_, l)| **l != 0.0) {
         ws.rigid.tool_delta.iter_mut().zip(view.column(j)).for_each(|(delta, w)| *delta += w * l);
     }
-}
-
-/// Numbers that tell where a rigid body is: origin of its shape (m), its orientation `[x, y, z, w]`, velocity of the centre
-/// of mass (m/s), angular velocity (rad/s).
-pub(crate) type Placement = ([f64; 3], [f64; 4], [f64; 3], [f64; 3]);
-
-/// Where every rigid body is, in the order of the scene.
-pub(crate) fn placements(world: &World, rigid: &[RigidState]) -> impl Iterator<Item = Placement> {
-    world.bodies().rigid.iter().zip(rigid).map(|(body, state)| {
-        let pose = body.shape_pose(state);
-        let rotation = pose.rotation.coords.into();
-        let angular = state.angular_velocity(&body.model);
-        (pose.translation.vector.into(), rotation, state.velocity.into(), angular.into())
-    })
-}
-
-/// The digest of placements (FNV-1a over their bits); 0 where there are none.
-pub(crate) fn digest(placements: impl Iterator<Item = Placement>) -> u64 {
-    let mut hash = 0;
-    for (position, orientation, velocity, angular) in placements {
-        for x in position.iter().chain(&orientation).chain(&velocity).chain(&angular) {
-            for byte in x.to_bits().to_le_bytes() {
-                hash = (hash ^ u64::from(byte) ^ 0xcbf2_9ce4_8422_2325).wrapping_mul(0x0100_0000_01b3);
-            }
-        }
-    }
-    hash
-}
-
-/// Moves the rigid bodies to the end of the step; false where a number is not finite.
-pub(super) fn advance_rigid(world: &World, state: &mut StepState, ws: &StepWorkspace, touched: bool) -> bool {
-    let none = Vector3::zeros();
-    let mut finite = true;
-    for (k, (body, state)) in world.bodies().rigid.iter().zip(&mut state.rigid).enumerate() {
-        let Some(free) = ws.rigid.free.get(k) else { continue };
-        let added = |twists: &[Twist]| twists.get(k).map_or((none, none), |t| (t.linear, t.angular));
-        let (carried, corrected) = (added(&ws.rigid.carried), added(&ws.rigid.correction));
-        let (v, w) = if touched { (carried.0 + corrected.0, carried.1 + corrected.1) } else { (none, none) };
-        advance(&body.model, state, free, &v, &w, ws.dt);
-        finite &= state.is_finite();
-    }
-    finite
 }

@@ -7,7 +7,7 @@ use palpate_fem::assembly::advance_memory;
 use palpate_fem::pcg::PcgStatus;
 
 use super::accuracy;
-use super::bodies;
+use super::rigid;
 use super::stages::inverse;
 use super::{FailedElement, StepReport, StepState, StepStatus, StepWorkspace};
 use crate::refresh::FactorSample;
@@ -36,7 +36,7 @@ fn correction(world: &World, factor: &FactorSample, begins: bool, ws: &mut StepW
             }
             None => {
                 let own = ws.own.as_ref().filter(|_| ws.own_is_current);
-                let (inverse, _) = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
+                let (inverse, _) = inverse(world, factor, own, ws.newton.as_ref(), ws.first.as_ref(), &ws.rotations);
                 if begins {
                     return compliance::guess(inverse, lambda, dt, correction, &mut ws.compliance);
                 }
@@ -124,7 +124,7 @@ pub(super) fn correct(
         state.fem.v[node] = v;
         state.fem.q[node] += h * v;
     }
-    let rigid_is_whole = bodies::advance_rigid(world, state, ws, touched);
+    let rigid_is_whole = rigid::advance_rigid(world, state, ws, touched);
     let overflow = report.assembly.non_finite.is_some() || report.free_motion.status == PcgStatus::NonFinite;
     if overflow || !rigid_is_whole || !is_whole(state, world.model().node_of_free(), h, ws.size) {
         report.failed = failed_element(world, state, report.assembly.non_finite);

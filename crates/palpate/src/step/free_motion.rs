@@ -5,6 +5,7 @@ use palpate_fem::integrator::explicit::explicit_velocity;
 use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
 use palpate_fem::rotation::nodal_rotations;
 
+use super::first_inverse::turn;
 use super::preconditioner::StepPreconditioner;
 use super::{StepReport, StepState, StepWorkspace};
 use crate::refresh::FactorSample;
@@ -37,6 +38,7 @@ pub(super) fn free_motion(
     if !ws.own_is_current && !plan.constant {
         nodal_rotations(world.model(), &factor.q, &state.fem.q, &mut ws.rotations);
     }
+    turn(world, state, ws, report);
     let config = PcgConfig { relative_tolerance: body.tolerance, max_iterations: body.max_iterations };
     let own = ws.own.as_ref().filter(|_| ws.own_is_current).or(plan.constant.then_some(&factor.factor));
     // A factor of this very matrix needs one iteration from wherever it begins.

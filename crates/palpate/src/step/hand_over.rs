@@ -33,6 +33,7 @@ pub(super) fn hand_over(
     if !sound {
         return;
     }
+    ws.obstacles.find(world, input, before, report);
     snapshot.valid = push_rows(world, state, ws, snapshot);
     if snapshot.valid && snapshot.patch.max_nodes() > 0 && !is_of_another_body(ws, report) {
         patch::fill(world, input, before, state, ws, report, &mut snapshot.patch);
@@ -46,14 +47,19 @@ fn push_rows(world: &World, state: &StepState, ws: &StepWorkspace, snapshot: &mu
     let of_skin = |block: &RowBlock| Some((law, contacts.get(block.contact as usize)?.feature));
     let (rigid, rows) = (&ws.rigid, &ws.rows);
     let all = (0..rigid.skin_blocks).all(|k| push(rows, k, &rigid.tool_delta, &ws.lambda, of_skin, snapshot));
-    // A tick without room for rigid bodies goes on without them, and counts what it misses.
+    // A tick without room for rigid bodies goes on without them, and counts what it misses; what never yields comes first.
+    let (fixed, obstacles) = (&ws.fixed_rows, &ws.obstacles);
+    let kept = fixed.blocks.len() + obstacles.rows.blocks.len();
+    let room = snapshot.max_contacts().saturating_sub(snapshot.contacts() + kept);
     let on_rigid = |k: usize| move |_: &RowBlock| tool_block(world, state, ws, k);
-    let _ = (rigid.skin_blocks..rigid.tool_blocks)
-        .all(|k| push(rows, k, &rigid.tool_delta, &ws.lambda, on_rigid(k), snapshot));
+    let (first, end) = (rigid.skin_blocks, rigid.tool_blocks.min(rigid.skin_blocks + room));
+    let _ = (first..end).all(|k| push(rows, k, &rigid.tool_delta, &ws.lambda, on_rigid(k), snapshot));
+    snapshot.dropped += (rigid.tool_blocks - end) as u32;
     let m = snapshot.rows();
-    // Fixed skin gives way to nothing: its rows and columns of W are zero, and the tick adds the compliance of the tool.
-    let fixed = &ws.fixed_rows;
+    // What gives way to nothing has rows and columns of zeros in W: the tick adds the compliance of the coupling.
     let all = all && (0..fixed.blocks.len()).all(|k| push(fixed, k, &fixed.delta_free, &[], of_skin, snapshot));
+    let (walls, on_wall) = (&obstacles.rows, |k: usize| move |_: &RowBlock| obstacles.block(k));
+    let all = all && (0..walls.blocks.len()).all(|k| push(walls, k, &walls.delta_free, &[], on_wall(k), snapshot));
     if !all {
         return false;
     }

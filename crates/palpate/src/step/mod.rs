@@ -23,22 +23,29 @@
 mod accuracy;
 mod bodies;
 mod change;
+mod climb;
+mod compliance_error;
 mod correction;
 mod direct;
+mod first_inverse;
 mod forces;
 mod free_motion;
 mod guard;
 mod hand_over;
+mod held_open;
 mod lagrange;
 mod newton;
+mod obstacles;
 mod patch;
 mod penalty;
 mod preconditioner;
 mod prediction;
 mod refinement;
 mod report;
+mod rigid;
 mod stages;
 mod state;
+mod times;
 mod workspace;
 
 use std::time::Instant;
@@ -47,18 +54,22 @@ use nalgebra::{Isometry3, Vector3};
 use palpate_fem::assembly::assemble;
 use palpate_haptics::snapshot::HapticSnapshot;
 
-use self::guard::{guard, open_folds};
+use self::guard::guard;
+use self::held_open::hold_open;
 use self::newton::newton_with_contact;
 use crate::refresh::FactorSample;
 use crate::scene::Refactor;
-use crate::world::{Integration, World};
+use crate::world::{Change, Integration, World};
 
 pub use bodies::{BodiesReport, PairForce};
-pub(crate) use bodies::{digest, placements};
-pub(crate) use change::pass_next_event;
 pub use change::{ChangeReport, FactorFit, pass_events};
-pub use report::{ComplianceError, FailedElement, StepReport, StepStatus, StepTimes};
+pub(crate) use change::{Prepared, pass_next_event};
+pub use climb::Climb;
+pub use compliance_error::ComplianceError;
+pub use report::{FailedElement, StepReport, StepStatus};
+pub(crate) use rigid::{digest, placements};
 pub use state::StepState;
+pub use times::StepTimes;
 pub use workspace::StepWorkspace;
 
 /// What a step reads from the other threads.
@@ -84,10 +95,12 @@ pub fn step(
     ws: &mut StepWorkspace,
     snapshot: &mut HapticSnapshot,
 ) -> StepReport {
-    let world = world.phase(state.phase);
+    let outside = state.outside.last().cloned();
+    let world = outside.as_deref().map_or_else(|| world.phase(state.phase), Change::world);
     let mut report = StepReport::begin(state.step, input, world.dt());
     report.change = ws.change.report;
     ws.change.report.changed = false;
+    report.rung = climb::begin(world, state, ws);
     let mut clock = Clock::start();
     let before = state.tool;
     state.remember();
@@ -95,7 +108,7 @@ pub fn step(
         Integration::BackwardEuler => {
             ws.fem.folds.clear();
             report.assembly = assemble(world.model(), &state.fem, world.dt(), &[], &mut ws.fem);
-            open_folds(world, state, ws, &mut report);
+            hold_open(world, state, ws, &mut report);
             report.times.assembly = clock.lap();
             free_motion::free_motion(world, input.factor, state, ws, &mut report);
             guard(world, state, ws, &mut report);
@@ -119,8 +132,8 @@ pub fn step(
     }
     report.bodies.digest = digest(placements(world, &state.rigid));
     accuracy::sample_column(world, input.factor, ws, &mut report);
+    climb::choose_next(world, input.factor, state, ws, &mut report);
     report.times.sampling = clock.lap();
-    accuracy::choose_next(world, state, &report);
     hand_over::hand_over(world, input, before.as_ref(), state, ws, &mut report, snapshot);
     state.tool = Some(input.tool);
     state.step += 1;
@@ -139,10 +152,10 @@ fn contact(
     clock: &mut Clock,
 ) {
     stages::detection(world, &input.tool, state, ws, report);
-    bodies::rigid_motion(world, state, ws);
+    rigid::rigid_motion(world, state, ws);
     report.times.detection += clock.lap();
     stages::rows(world, &input.tool, state, ws, report);
-    stages::compliance(world, input.factor, state.exact_steps, ws, report);
+    stages::compliance(world, input.factor, ws, report);
     report.times.compliance += clock.lap();
     forces::solve(world, input, state, ws, report);
     report.times.solve += clock.lap();

@@ -17,7 +17,7 @@ use palpate_fem::integrator::newton::{NewtonConfig, NewtonStatus};
 use palpate_fem::pcg::{PcgReport, PcgStatus};
 
 use super::workspace::NewtonStage;
-use super::{Clock, StepInput, StepReport, StepState, StepWorkspace, bodies, correction, forces, stages};
+use super::{Clock, StepInput, StepReport, StepState, StepWorkspace, correction, forces, rigid, stages};
 use crate::world::World;
 
 /// Most motions under corrected forces in one step.
@@ -38,14 +38,14 @@ pub(super) fn newton_with_contact(
 ) {
     let tool: &Isometry3<f64> = &input.tool;
     stages::detection(world, tool, state, ws, report);
-    bodies::rigid_motion(world, state, ws);
+    rigid::rigid_motion(world, state, ws);
     report.times.detection = clock.lap();
     put_down(ws);
     for pass in 0..MOST_PASSES {
         motion(world, config, state, ws, report);
         report.times.free_motion += clock.lap();
         stages::rows(world, tool, state, ws, report);
-        stages::compliance(world, input.factor, 0, ws, report);
+        stages::compliance(world, input.factor, ws, report);
         relieve(ws);
         stages::choose_laws(world, ws);
         report.times.compliance += clock.lap();
@@ -231,7 +231,7 @@ path = [{ time = 0, position = [0.02, 0.02, 0.05] }]
         let before = momentum(&world, &simulation.state().fem.v);
         let carried = ws.newton.as_ref().unwrap().carried.iter().sum::<f64>() * world.dt();
         let factor = crate::refresh::FactorSample::first(&world, &simulation.state().fem, &mut ws).unwrap();
-        stages::compliance(&world, &factor, 0, &mut ws, &mut report);
+        stages::compliance(&world, &factor, &mut ws, &mut report);
         correction::correct(&world, &factor, simulation.state_mut(), &mut ws, &mut report);
         assert_eq!(report.status, StepStatus::Advanced);
         let after = momentum(&world, &simulation.state().fem.v);

@@ -5,9 +5,10 @@
 //! force are held ([`condense`]): all of a contact that sticks, the normal of one that slides. Its free shape is the step's
 //! without the forces of the tool, and with those of the others.
 //!
-//! A patch has skin alone. While the tool is at a rigid body too, the tick has the step's rows, which know both.
+//! A patch has skin alone. While the tool is at a rigid or fixed body too, the tick has the step's rows, which know both.
 
 use nalgebra::{DMatrixViewMut, Isometry3, Vector3};
+use palpate_collision::shape::ToolShape;
 use palpate_collision::{PatchConfig, PatchGathering};
 use palpate_constraints::condensed::condense;
 use palpate_constraints::rows::{ContactRows, ToolRow};
@@ -46,6 +47,15 @@ impl PatchStage {
     }
 }
 
+/// How far (m) a tool that has come from `before` in a step may get until a snapshot is replaced.
+pub(super) fn travel(tool: &ToolShape, before: Option<&Isometry3<f64>>, pose: &Isometry3<f64>) -> f64 {
+    let (centre, radius) = tool.bounding_sphere(pose);
+    let path = before.map_or(0.0, |before| {
+        (centre - tool.bounding_sphere(before).0).norm() + radius * pose.rotation.angle_to(&before.rotation)
+    });
+    START + STEPS * path
+}
+
 /// Fills the patch, or leaves it not valid: the tick then has the step's rows, and the report says why.
 pub(super) fn fill(
     world: &World,
@@ -57,7 +67,7 @@ pub(super) fn fill(
     patch: &mut HapticPatch,
 ) {
     patch.clear();
-    report.frozen_at_rigid = ws.rigid.tool_blocks > ws.rigid.skin_blocks;
+    report.frozen_at_rigid = ws.rigid.tool_blocks > ws.rigid.skin_blocks || !ws.obstacles.rows.is_empty();
     if report.frozen_at_rigid {
         return;
     }
@@ -65,7 +75,7 @@ pub(super) fn fill(
     patch.law = world.description().contact.contact_law();
     report.patch = gather(world, input, before, state, ws, &mut stage, patch);
     patch.left_out = report.patch.left_out as u32;
-    patch.valid = patch.skin().movable() == 0 || compliance(world, input, state, ws, &mut stage, report, patch);
+    patch.valid = patch.skin().movable() == 0 || compliance(world, input, ws, &mut stage, report, patch);
     if patch.valid {
         shape(world, state, ws, patch);
     }
@@ -83,12 +93,8 @@ fn gather(
     patch: &mut HapticPatch,
 ) -> palpate_collision::PatchReport {
     let (tool, pose) = (world.tool(), &input.tool);
-    let (centre, radius) = tool.bounding_sphere(pose);
-    let path = before.map_or(0.0, |before| {
-        (centre - tool.bounding_sphere(before).0).norm() + radius * pose.rotation.angle_to(&before.rotation)
-    });
-    let config =
-        PatchConfig { margin: world.detection().margin, travel: START + STEPS * path, side: state.contacts.side };
+    let travel = travel(tool, before, pose);
+    let config = PatchConfig { margin: world.detection().margin, travel, side: state.contacts.side };
     let free = world.model().free_of_node();
     let movable = |node: u32| free.get(node as usize).is_some_and(|&free| free != FIXED);
     let skin = patch.skin_mut();
@@ -99,7 +105,6 @@ fn gather(
 fn compliance(
     world: &World,
     input: &StepInput<'_>,
-    state: &StepState,
     ws: &mut StepWorkspace,
     stage: &mut PatchStage,
     report: &mut StepReport,
@@ -131,7 +136,7 @@ fn compliance(
         }
     }
     let all = rows.len();
-    stages::own_factor(world, state.exact_steps, ws, report);
+    stages::own_factor(world, ws, report);
     if all == n {
         return stages::compliance_of(world, input.factor, rows, square(patch.compliance_mut(), n), ws).0.usable;
     }

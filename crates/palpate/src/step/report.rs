@@ -12,7 +12,10 @@ use palpate_solver::report::SolveReport;
 use super::StepInput;
 use super::bodies::BodiesReport;
 use super::change::ChangeReport;
+use super::compliance_error::ComplianceError;
 use super::forces::NOT_SOLVED;
+use super::times::StepTimes;
+use crate::world::Rung;
 
 /// How a step ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,70 +35,6 @@ pub struct FailedElement {
     pub tetrahedron: u32,
     /// Its region, as the mesh numbers them; 0 where it has none.
     pub region: u16,
-}
-
-/// How wrong compliance and motion of a step are. NaN where nothing was measured.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ComplianceError {
-    /// `‖(W_A - W) λ‖ / ‖W_A λ‖` with `W_A` of this step's matrix: the relative error of `W` along the forces. A by-product
-    /// of the exact correction.
-    pub along_forces: f64,
-    /// Largest error of a column of `W`, relative to the largest entry of the exact column.
-    pub sampled: f64,
-    /// Row whose column was compared.
-    pub sampled_row: u32,
-    /// Iterations of the exact correction.
-    pub correction_iterations: u32,
-    /// How deep the worst contact overlaps after the correction (m): what `W` missed.
-    pub overlap: f64,
-}
-
-impl ComplianceError {
-    /// Nothing was measured.
-    pub const NONE: Self =
-        Self { along_forces: f64::NAN, sampled: f64::NAN, sampled_row: 0, correction_iterations: 0, overlap: 0.0 };
-
-    /// The greater of the two measured errors; `None` where neither was.
-    pub fn measured(&self) -> Option<f64> {
-        let worst = self.along_forces.max(self.sampled); // ignores one NaN
-        (!worst.is_nan()).then_some(worst)
-    }
-}
-
-/// Wall time of the stages (s).
-#[derive(Clone, Copy, Debug, Default)]
-pub struct StepTimes {
-    /// Forces and system matrix.
-    pub assembly: f64,
-    /// Nodal rotations and conjugate gradients.
-    pub free_motion: f64,
-    /// Contacts.
-    pub detection: f64,
-    /// Rows and `W`.
-    pub compliance: f64,
-    /// Contact forces; by a direct approach with the motion that belongs to them.
-    pub solve: f64,
-    /// Correction and the check that the body is finite.
-    pub correction: f64,
-    /// Comparing a column of `W` with the exact one.
-    pub sampling: f64,
-    /// Filling the snapshot.
-    pub hand_over: f64,
-    /// All of it.
-    pub total: f64,
-}
-
-impl StepTimes {
-    pub(super) fn sum(&self) -> f64 {
-        self.assembly
-            + self.free_motion
-            + self.detection
-            + self.compliance
-            + self.solve
-            + self.correction
-            + self.sampling
-            + self.hand_over
-    }
 }
 
 /// What one step did. Plain data: copied into rings, traces and tables.
@@ -123,7 +62,8 @@ pub struct StepReport {
     pub cuts: u32,
     /// Linearisations by which the guard repeated the motion; 0 where one was enough.
     pub repeated: u32,
-    /// Quadratic elements that fold between the points at which they are evaluated, at the begin of the step.
+    /// Elements that are held open at the begin of the step: quadratic ones that fold between the points at which they are
+    /// evaluated, others that had come to rest inside out.
     pub folds: FoldReport,
     /// Contacts with the tool: found, merged, dropped.
     pub detection: DetectionReport,
@@ -133,12 +73,14 @@ pub struct StepReport {
     pub rows: RowReport,
     /// The tissue around the tool that the tick got; empty where it has frozen rows.
     pub patch: PatchReport,
-    /// True where the tick got frozen rows in place of a patch since the tool was at a rigid body.
+    /// True where the tick got frozen rows in place of a patch since the tool was at a rigid or fixed body.
     pub frozen_at_rigid: bool,
     /// `W`; where it is not usable the step goes on without contact.
     pub compliance: ComplianceReport,
     /// Method that gave `W`.
     pub method: ComplianceMethod,
+    /// Where the run stood on its ladder of methods; none without one.
+    pub rung: Option<Rung>,
     /// How wrong `W` and the motion are.
     pub error: ComplianceError,
     /// True where exact compliance was asked for and this step's matrix could not be factored.
@@ -199,6 +141,7 @@ impl StepReport {
             frozen_at_rigid: false,
             compliance: ComplianceReport { rows: 0, diagonal: [0.0; 2], asymmetry: 0.0, usable: true },
             method: ComplianceMethod::Automatic,
+            rung: None,
             error: ComplianceError::NONE,
             refused: false,
             unsettled: false,
@@ -219,8 +162,13 @@ impl StepReport {
         }
     }
 
+    /// Contacts that found no room in the step, of any pair of bodies: at detection, or among the rows.
+    pub fn dropped(&self) -> u64 {
+        self.detection.dropped as u64 + u64::from(self.bodies.dropped) + self.rows.dropped as u64
+    }
+
     /// Names and units of [`StepReport::row`].
-    pub const COLUMNS: [&'static str; 36] = [
+    pub const COLUMNS: [&'static str; 38] = [
         "step",
         "time_s",
         "tool_x_m",
@@ -250,6 +198,8 @@ impl StepReport {
         "factor_age_s",
         "compliance_error_along_forces",
         "compliance_error_sampled",
+        "compliance_error_of_lower_rung",
+        "rung",
         "correction_iterations",
         "overlap_m",
         "patch_nodes",
@@ -260,7 +210,7 @@ impl StepReport {
     ];
 
     /// The report as one row of a table.
-    pub fn row(&self) -> [f64; 36] {
+    pub fn row(&self) -> [f64; 38] {
         let p = self.tool.translation.vector;
         let r = self.tool.rotation;
         [
@@ -293,6 +243,8 @@ impl StepReport {
             self.factor_age,
             self.error.along_forces,
             self.error.sampled,
+            self.error.lower,
+            self.rung.map_or(f64::NAN, |rung| f64::from(rung as u8)),
             f64::from(self.error.correction_iterations),
             self.error.overlap,
             self.patch.nodes as f64,

@@ -4,17 +4,19 @@ use nalgebra::{DMatrixViewMut, Isometry3, Matrix3};
 use palpate_collision::detection::detect;
 use palpate_constraints::body::{self, RigidBodies, SoftBody};
 use palpate_constraints::compliance::{ComplianceMethod, ComplianceReport, WarpedInverse};
+use palpate_constraints::precomputed::PrecomputedInverse;
 use palpate_constraints::rows::{ContactRows, Counterpart, RowInput, ToolMotion, build_fixed_rows, build_rows};
 use palpate_fem::factor::Factor;
 use palpate_fem::integrator::backward_euler::factor_end;
 
 use super::bodies;
+use super::first_inverse::FirstInverse;
 use super::free_motion::refactor;
 use super::workspace::NewtonStage;
 use super::{FactorFit, StepReport, StepState, StepWorkspace};
 use crate::refresh::FactorSample;
 use crate::scene::Refactor;
-use crate::world::{Integration, World};
+use crate::world::{Integration, Rung, World};
 
 /// Contacts of the skin with the tool and of all other pairs of bodies, at the begin of the step.
 pub(super) fn detection(
@@ -83,17 +85,11 @@ pub(super) fn choose_laws(world: &World, ws: &mut StepWorkspace) {
 ///
 /// Where this step's matrix cannot be factored, the latest factor serves, and the report says so. Where that cannot give
 /// `W` either, the step goes on without contact.
-pub(super) fn compliance(
-    world: &World,
-    factor: &FactorSample,
-    exact_steps: u32,
-    ws: &mut StepWorkspace,
-    report: &mut StepReport,
-) {
+pub(super) fn compliance(world: &World, factor: &FactorSample, ws: &mut StepWorkspace, report: &mut StepReport) {
     if ws.rows.is_empty() {
         return;
     }
-    own_factor(world, exact_steps, ws, report);
+    own_factor(world, ws, report);
     if is_of_another_body(ws, report) {
         report.compliance.usable = false;
         return;
@@ -112,10 +108,11 @@ pub(super) fn is_of_another_body(ws: &StepWorkspace, report: &StepReport) -> boo
 }
 
 /// Factors this step's own matrix where the method wants one that is not there yet.
-pub(super) fn own_factor(world: &World, exact_steps: u32, ws: &mut StepWorkspace, report: &mut StepReport) {
+pub(super) fn own_factor(world: &World, ws: &mut StepWorkspace, report: &mut StepReport) {
     let plan = world.plan();
     let outdated = report.change.factor == FactorFit::Outdated;
-    let exact = plan.compliance == ComplianceMethod::Exact && !plan.constant || exact_steps > 0 || outdated;
+    let exact =
+        plan.compliance == ComplianceMethod::Exact && !plan.constant || report.rung == Some(Rung::Exact) || outdated;
     // What was refused before the free motion would be refused again.
     if exact && !ws.own_is_current && !report.refused && *world.integration() == Integration::BackwardEuler {
         refactor(ws, report);
@@ -145,7 +142,7 @@ pub(super) fn compliance_of<'w>(
         }
         None => {
             let own = ws.own.as_ref().filter(|_| ws.own_is_current);
-            let (inverse, method) = inverse(world, factor, own, ws.newton.as_ref(), &ws.rotations);
+            let (inverse, method) = inverse(world, factor, own, ws.newton.as_ref(), ws.first.as_ref(), &ws.rotations);
             let mut soft = SoftBody { inverse, workspace: &mut ws.compliance, correction };
             (body::assemble(&mut [&mut soft, &mut rigid], rows, ws.dt, w), Some(method))
         }
@@ -153,25 +150,29 @@ pub(super) fn compliance_of<'w>(
 }
 
 /// What stands for `A⁻¹` in compliance and correction, and which method that is: this step's own factor where there is a
-/// valid one.
+/// valid one, the first inverse where that serves the step, else the latest factor.
 pub(super) fn inverse<'a>(
     world: &World,
     latest: &'a FactorSample,
     own: Option<&'a Factor>,
     newton: Option<&'a NewtonStage>,
+    first: Option<&'a FirstInverse>,
     rotations: &'a [Matrix3<f64>],
-) -> (WarpedInverse<'a, Factor>, ComplianceMethod) {
+) -> (WarpedInverse<'a, PrecomputedInverse<'a>>, ComplianceMethod) {
     let own = match newton {
         Some(newton) => newton.factored.then_some(&newton.ws.factor),
         None if world.plan().constant => Some(&latest.factor),
         None => own,
     };
     match own {
-        Some(own) => (WarpedInverse::new(ComplianceMethod::Exact, own, rotations), ComplianceMethod::Exact),
+        Some(own) => (WarpedInverse::new(ComplianceMethod::Exact, own.into(), rotations), ComplianceMethod::Exact),
         None => {
+            if let Some(warped) = first.and_then(|first| first.warped(latest, rotations)) {
+                return (warped, ComplianceMethod::Warped);
+            }
             let warped = world.plan().refactor != Refactor::Thread;
             let method = if warped { ComplianceMethod::Warped } else { ComplianceMethod::Asynchronous };
-            (WarpedInverse::new(method, &latest.factor, rotations), method)
+            (WarpedInverse::new(method, (&latest.factor).into(), rotations), method)
         }
     }
 }

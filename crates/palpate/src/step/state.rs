@@ -5,11 +5,13 @@ use palpate_collision::contact::ContactSet;
 use palpate_constraints::warm_start::WarmStart;
 use palpate_fem::model::FemState;
 use palpate_rigid::RigidState;
+use std::sync::Arc;
 
 use super::bodies::PairState;
+use super::climb::Climb;
 use super::prediction::Prediction;
 use crate::refresh::FactorSample;
-use crate::world::World;
+use crate::world::{Change, World};
 
 /// The simulation: everything that a later step depends on.
 pub struct StepState {
@@ -21,8 +23,10 @@ pub struct StepState {
     pub tool: Option<Isometry3<f64>>,
     /// Forces of the last step by surface feature.
     pub warm_start: WarmStart,
-    /// Steps that are still taken exactly because an earlier one missed the scene's accuracy.
-    pub exact_steps: u32,
+    /// Where the run stands on its ladder of methods, where it has one.
+    pub climb: Climb,
+    /// Steps in which linear or averaged tissue rested inside out, until it is open again.
+    pub(super) stuck: u32,
     /// Contacts of the last step; they carry the side from which the tool came.
     pub contacts: ContactSet,
     /// The rigid bodies, in the order of the scene.
@@ -34,8 +38,10 @@ pub struct StepState {
     rigid_before: Vec<RigidState>,
     /// Where the next free motion begins.
     pub(super) prediction: Prediction,
-    /// Events so far.
+    /// Events and changes from outside so far.
     pub(super) phase: usize,
+    /// The changes from outside among them.
+    pub(super) outside: Vec<Arc<Change>>,
     /// For each phase the step at which it began.
     pub(super) began: Vec<u64>,
     /// Where the body was when the run began: indentation is measured from here (m).
@@ -46,10 +52,13 @@ impl StepState {
     /// The state before the first step, with the body as `rest`.
     pub fn new(world: &World, rest: FemState) -> Self {
         let capacity = world.detection().max_contacts;
+        let mut began = Vec::with_capacity(world.changes().len() + 1 + world.changes_from_outside());
+        began.resize(world.changes().len() + 1, 0);
         Self {
             step: 0,
             tool: None,
-            exact_steps: 0,
+            climb: Climb::default(),
+            stuck: 0,
             warm_start: WarmStart::with_capacity(capacity),
             contacts: ContactSet::with_capacity(capacity),
             rigid: world.bodies().rigid.iter().map(|body| body.start).collect(),
@@ -58,7 +67,8 @@ impl StepState {
             before: rest.clone(),
             prediction: Prediction::new(world.model().free_nodes()),
             phase: 0,
-            began: vec![0; world.changes().len() + 1],
+            outside: Vec::with_capacity(world.changes_from_outside()),
+            began,
             rest: rest.q.clone(),
             fem: rest,
         }
@@ -74,7 +84,30 @@ impl StepState {
         &self.rest
     }
 
-    /// Events so far: the body is that of [`World::phase`] of this number.
+    /// The state before the last step: what its system matrix was assembled at.
+    pub fn state_before(&self) -> &FemState {
+        &self.before
+    }
+
+    /// The world of the body at hand: after events and changes from outside, that of what they left.
+    pub fn world<'a>(&'a self, world: &'a World) -> &'a World {
+        self.outside.last().map_or_else(|| world.phase(self.phase), |change| change.world())
+    }
+
+    /// The way to the body of a phase, where it is not the first.
+    pub(crate) fn change<'a>(&'a self, world: &'a World, phase: usize) -> Option<&'a Change> {
+        let last = phase.checked_sub(1)?;
+        let of_scene = world.changes().len();
+        world.changes().get(last).or_else(|| self.outside.get(last.checked_sub(of_scene)?).map(|change| &**change))
+    }
+
+    /// The changes from outside so far, each with the step that it came before.
+    pub(crate) fn outside(&self, world: &World) -> impl Iterator<Item = (u64, &Change)> {
+        let first = world.changes().len() + 1;
+        self.outside.iter().zip(self.began.iter().skip(first)).map(|(change, step)| (*step, &**change))
+    }
+
+    /// Events and changes from outside so far. Without the latter the body is that of [`World::phase`] of this number.
     pub fn phase(&self) -> usize {
         self.phase
     }

@@ -5,6 +5,7 @@ use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::detection::DetectionWorkspace;
 use palpate_constraints::compliance::ComplianceWorkspace;
 use palpate_constraints::lumped::LumpedInverse;
+use palpate_constraints::precomputed::PrecomputedWorkspace;
 use palpate_constraints::rows::ContactRows;
 use palpate_fem::assembly::FemWorkspace;
 use palpate_fem::factor::{Factor, ReachWorkspace, SolveWorkspace, SymbolicFactor};
@@ -18,12 +19,17 @@ use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::solver::{Solver, SolverWorkspace};
 use std::sync::Arc;
 
-use super::bodies::{self, PairForce, RigidStage};
+use super::bodies::{self, PairForce};
 use super::change::ChangeStage;
+use super::climb::probe_room;
 use super::direct::DirectStage;
+use super::first_inverse::FirstInverse;
+use super::obstacles::ObstacleStage;
 use super::patch::PatchStage;
 use super::refinement::RefinementWorkspace;
+use super::rigid::RigidStage;
 use crate::problem_files::ProblemFiles;
+use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
 
 /// Rows of a contact with friction.
@@ -92,7 +98,13 @@ pub struct StepWorkspace {
     pub(super) rows: ContactRows,
     /// Rows of contacts on fixed skin, which only the tick can give a force: there the tool yields.
     pub(super) fixed_rows: ContactRows,
-    pub(super) compliance: ComplianceWorkspace<ReachWorkspace>,
+    /// The same at fixed bodies.
+    pub(super) obstacles: ObstacleStage,
+    pub(super) compliance: ComplianceWorkspace<PrecomputedWorkspace>,
+    /// The inverse of the first matrix, where the plan wants it.
+    pub(super) first: Option<FirstInverse>,
+    /// What another rung of the ladder would have answered.
+    pub(super) probe: Vec<f64>,
     pub(super) problem: ConstraintProblem,
     pub(super) lambda: Vec<f64>,
     /// Rigid bodies, and the blocks of each pair of bodies.
@@ -125,7 +137,7 @@ pub struct StepWorkspace {
     pub(super) patch: Option<PatchStage>,
     /// Configurations that the guard tries.
     pub(super) trial: FemState,
-    /// Newton's method for quadratic tissue in trouble.
+    /// Newton's method for tissue in trouble.
     pub(super) rescue: Option<ImplicitWorkspace>,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
@@ -161,6 +173,11 @@ impl StepWorkspace {
         &self.problem
     }
 
+    /// Precomputes what the plan wants of the first factor; called with it before the first step.
+    pub(crate) fn precompute(&mut self, world: &World, first: &FactorSample) {
+        self.first = FirstInverse::new(world, first, &mut self.compliance);
+    }
+
     /// Memory for the world's body and its largest number of contacts.
     pub fn new(world: &World) -> Self {
         let (model, symbolic) = (world.model(), world.symbolic());
@@ -190,6 +207,8 @@ impl StepWorkspace {
             }
         }
         let fem = FemWorkspace::new(model);
+        let reach = ReachWorkspace::new(symbolic, compliance_rows).keeping_nodes(symbolic);
+        let inverse = PrecomputedWorkspace::new(reach, SolveWorkspace::new(symbolic));
         Self {
             newton,
             explicit,
@@ -208,11 +227,11 @@ impl StepWorkspace {
             detection: DetectionWorkspace::new(world.geometry()),
             rows: ContactRows::with_capacity(contacts),
             fixed_rows: ContactRows::with_capacity(world.detection().max_contacts),
+            obstacles: ObstacleStage::new(world),
             rigid: RigidStage::new(world),
-            compliance: ComplianceWorkspace::new(
-                compliance_rows,
-                ReachWorkspace::new(symbolic, compliance_rows).keeping_nodes(symbolic),
-            ),
+            compliance: ComplianceWorkspace::new(compliance_rows, inverse),
+            first: None,
+            probe: probe_room(world),
             problem: ConstraintProblem::with_capacity(rows),
             lambda: vec![0.0; rows],
             solver,

@@ -1,18 +1,15 @@
-//! The fixed and rigid bodies of a scene, and which bodies can touch.
+//! The fixed and rigid bodies of a scene.
 
 use std::fmt;
 
 use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
-use palpate_collision::contact::ContactSet;
-use palpate_collision::detect_solid;
-use palpate_collision::detection::{DetectionConfig, DetectionWorkspace};
+use palpate_collision::detection::DetectionConfig;
 use palpate_collision::solid::Solid;
-use palpate_collision::solid_contact::{Placed, meet};
 use palpate_fem::closed_surface::ClosedSurface;
 use palpate_rigid::{Moments, RigidModel, RigidState};
 
-use super::World;
-use crate::scene::{Scene, SceneError, SceneFile, SolidShape};
+use super::pairs::{Pair, obstacles, pairs};
+use crate::scene::{ContactDescription, Scene, SceneError, SceneFile, SolidShape};
 
 /// A body that never moves.
 #[derive(Clone, Debug)]
@@ -23,8 +20,8 @@ pub struct FixedBody {
     pub solid: Solid,
     /// From that frame to the world.
     pub pose: Isometry3<f64>,
-    friction: f64,
-    max_contacts: usize,
+    /// How others touch it: `[contact]` with its own friction and number of contacts.
+    pub(super) contact: ContactDescription,
 }
 
 /// A body with six degrees of freedom.
@@ -40,8 +37,8 @@ pub struct RigidBody {
     pub centre: Vector3<f64>,
     /// How it begins.
     pub start: RigidState,
-    friction: f64,
-    max_contacts: usize,
+    /// How others touch it: `[contact]` with its own friction and number of contacts.
+    pub(super) contact: ContactDescription,
 }
 
 impl RigidBody {
@@ -51,39 +48,6 @@ impl RigidBody {
     }
 }
 
-/// The body that the normals of a pair point to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Near {
-    /// The soft body.
-    Soft,
-    /// A rigid body, by number.
-    Rigid(usize),
-}
-
-/// The body that they point away from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Far {
-    /// The tool.
-    Tool,
-    /// A fixed body, by number.
-    Fixed(usize),
-    /// A rigid body, by number.
-    Rigid(usize),
-}
-
-/// Two bodies that can touch, besides soft body and tool.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pair {
-    /// One of them.
-    pub near: Near,
-    /// The other.
-    pub far: Far,
-    /// Coefficient of Coulomb friction between them; 0 leaves one row a contact.
-    pub friction: f64,
-    /// How their contacts are found.
-    pub detection: DetectionConfig,
-}
-
 /// The bodies of a scene besides the soft one, and the pairs that can touch.
 #[derive(Clone, Debug, Default)]
 pub struct Bodies {
@@ -91,8 +55,11 @@ pub struct Bodies {
     pub fixed: Vec<FixedBody>,
     /// Rigid bodies.
     pub rigid: Vec<RigidBody>,
-    /// The pairs.
+    /// The pairs whose forces the step finds.
     pub pairs: Vec<Pair>,
+    /// Each fixed body with the tool. Nothing yields there but the coupling between device and tool, so these contacts are
+    /// the tick's alone.
+    pub obstacles: Vec<Pair>,
 }
 
 impl Bodies {
@@ -100,14 +67,18 @@ impl Bodies {
     pub(super) fn new(scene: &Scene, detection: &DetectionConfig) -> Result<Self, SceneError> {
         let description = scene.description();
         let contact = &description.contact;
+        let of_body = |friction: Option<f64>, most: Option<usize>| ContactDescription {
+            friction: friction.unwrap_or(contact.friction),
+            max_contacts: most.unwrap_or(contact.max_contacts),
+            ..*contact
+        };
         let mut bodies = Self::default();
         for (k, body) in description.fixed_bodies.iter().enumerate() {
             bodies.fixed.push(FixedBody {
                 name: body.name.clone(),
                 solid: solid(scene, &format!("fixed_body.{k}.shape"), &body.shape)?,
                 pose: pose(&body.position, &body.rotation),
-                friction: body.friction.unwrap_or(contact.friction),
-                max_contacts: body.max_contacts.unwrap_or(contact.max_contacts),
+                contact: of_body(body.friction, body.max_contacts),
             });
         }
         for (k, body) in description.rigid_bodies.iter().enumerate() {
@@ -128,45 +99,12 @@ impl Bodies {
                 centre: moments.centroid,
                 start: RigidState::new(&model, start, body.velocity.into(), body.angular_velocity.into()),
                 model,
-                friction: body.friction.unwrap_or(contact.friction),
-                max_contacts: body.max_contacts.unwrap_or(contact.max_contacts),
+                contact: of_body(body.friction, body.max_contacts),
             });
         }
-        bodies.pairs = bodies.find_pairs(detection, contact.friction);
+        bodies.pairs = pairs(&bodies, contact, detection);
+        bodies.obstacles = obstacles(&bodies, contact, detection);
         Ok(bodies)
-    }
-
-    /// All pairs in a stated order: each rigid body with the tool, the soft body with each fixed and each rigid one, then
-    /// each rigid body with the fixed ones and with the rigid ones after it.
-    fn find_pairs(&self, detection: &DetectionConfig, of_contact: f64) -> Vec<Pair> {
-        let pair = |near, far, friction, max_contacts| Pair {
-            near,
-            far,
-            friction,
-            detection: DetectionConfig { max_contacts, ..*detection },
-        };
-        let mean = |a: f64, b: f64| (a * b).sqrt();
-        let mut pairs = Vec::new();
-        for (k, body) in self.rigid.iter().enumerate() {
-            let most = body.max_contacts.min(detection.max_contacts);
-            pairs.push(pair(Near::Rigid(k), Far::Tool, mean(body.friction, of_contact), most));
-        }
-        for (k, body) in self.fixed.iter().enumerate() {
-            pairs.push(pair(Near::Soft, Far::Fixed(k), body.friction, body.max_contacts));
-        }
-        for (k, body) in self.rigid.iter().enumerate() {
-            pairs.push(pair(Near::Soft, Far::Rigid(k), body.friction, body.max_contacts));
-        }
-        for (k, body) in self.rigid.iter().enumerate() {
-            let with = |far, friction, most: usize| pair(Near::Rigid(k), far, friction, body.max_contacts.min(most));
-            for (j, fixed) in self.fixed.iter().enumerate() {
-                pairs.push(with(Far::Fixed(j), mean(body.friction, fixed.friction), fixed.max_contacts));
-            }
-            for (j, other) in self.rigid.iter().enumerate().skip(k + 1) {
-                pairs.push(with(Far::Rigid(j), mean(body.friction, other.friction), other.max_contacts));
-            }
-        }
-        pairs
     }
 
     /// True where the scene has none.
@@ -178,21 +116,27 @@ impl Bodies {
     pub fn contact_capacity(&self) -> usize {
         self.pairs.iter().map(|pair| pair.detection.max_contacts).sum()
     }
+
+    /// Most contacts of the tool with all fixed bodies together: as many as `max_contacts` of `[contact]`.
+    pub fn obstacle_capacity(&self, of_tool: usize) -> usize {
+        self.obstacles.iter().map(|pair| pair.detection.max_contacts).sum::<usize>().min(of_tool)
+    }
 }
 
 impl fmt::Display for Bodies {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let contacts =
-            |friction: f64, most: usize| format!("friction {friction}, at most {most} contacts with another body");
+        let contacts = |contact: &ContactDescription| {
+            format!("{}, at most {} contacts with another body", contact.law_in_words(), contact.max_contacts)
+        };
         for body in &self.fixed {
             let [x, y, z]: [f64; 3] = body.pose.translation.vector.into();
-            let of_contact = contacts(body.friction, body.max_contacts);
+            let of_contact = contacts(&body.contact);
             writeln!(f, "fixed body {}: {} at [{x}, {y}, {z}] m, {of_contact}", body.name, kind(&body.solid))?;
         }
         for body in &self.rigid {
             let [x, y, z]: [f64; 3] = body.start.pose.translation.vector.into();
             let moments = body.model.inertia().symmetric_eigenvalues();
-            let of_contact = contacts(body.friction, body.max_contacts);
+            let of_contact = contacts(&body.contact);
             writeln!(
                 f,
                 "rigid body {}: {}, {} kg, moments of inertia {:.3e} {:.3e} {:.3e} kg m², centre of mass at \
@@ -221,47 +165,6 @@ fn kind(solid: &Solid) -> String {
             _ => format!("sphere, radius {} m", shape.inner_radius()),
         },
     }
-}
-
-/// Refuses bodies that begin inside one another by more than the margin: the first step would throw them apart.
-pub(super) fn apart(world: &World) -> Result<(), SceneError> {
-    let bodies = world.bodies();
-    let mut ws = DetectionWorkspace::new(world.geometry());
-    let tool = world.first_pose();
-    let of_rigid = |k: usize| bodies.rigid.get(k).map(|b| (b.name.as_str(), &b.solid, b.shape_pose(&b.start)));
-    for pair in &bodies.pairs {
-        let (far, key) = match pair.far {
-            Far::Tool => {
-                (Some((world.description().tools[0].name.as_str(), world.tool_solid(), tool)), "hand.path.0".into())
-            }
-            Far::Fixed(k) => {
-                let far = bodies.fixed.get(k).map(|b| (b.name.as_str(), &b.solid, b.pose));
-                (far, format!("fixed_body.{k}"))
-            }
-            Far::Rigid(k) => (of_rigid(k), format!("rigid_body.{k}")),
-        };
-        let Some((far_name, far, far_pose)) = far else { continue };
-        let (near_name, gap) = match pair.near {
-            Near::Soft => {
-                let mut found = ContactSet::with_capacity(pair.detection.max_contacts);
-                let q = &world.mesh().nodes;
-                let seen = detect_solid(world.geometry(), q, far, &far_pose, &pair.detection, &mut ws, &mut found);
-                (world.description().bodies[0].name.as_str(), seen.deepest_gap)
-            }
-            Near::Rigid(k) => {
-                let Some((name, near, near_pose)) = of_rigid(k) else { continue };
-                let mut found = Vec::with_capacity(pair.detection.max_contacts);
-                let near = Placed { solid: near, pose: &near_pose };
-                meet(near, Placed { solid: far, pose: &far_pose }, &pair.detection, &mut found);
-                (name, found.iter().map(|c| c.gap).fold(f64::INFINITY, f64::min))
-            }
-        };
-        if gap < -pair.detection.margin {
-            let message = format!("`{near_name}` and `{far_name}` overlap by {:.4} m before the first step", -gap);
-            return Err(world.scene().at(&key, message, "move them apart; contact begins at the margin"));
-        }
-    }
-    Ok(())
 }
 
 fn pose(position: &[f64; 3], rotation: &[f64; 3]) -> Isometry3<f64> {

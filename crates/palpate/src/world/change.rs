@@ -3,13 +3,17 @@
 //! All have one numbering and one pattern, that of the whole body with all its elements and without what is never
 //! released, so that matrices, factors and states of one fit the others.
 
+use std::sync::Arc;
+
 use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::contact::{FeatureKind, feature_kind};
 use palpate_fem::mesh::TetMesh;
 use palpate_fem::model::{CarriedMemory, FemConfig, FemModel};
+use palpate_trace::Skin;
 
 use super::World;
 use super::course::Stretch;
+use super::outside::ChangeRequest;
 use crate::scene::SceneError;
 
 /// The world after an event, and the way there from the one before.
@@ -23,6 +27,10 @@ pub struct Change {
     cuts: bool,
     /// For each node whether it is part of the skin.
     skin: Vec<bool>,
+    /// What was asked for, where it came from outside.
+    request: Option<ChangeRequest>,
+    /// The skin as traces draw it.
+    triangles: Skin,
     text: String,
 }
 
@@ -51,6 +59,14 @@ impl Change {
         &self.memory
     }
 
+    pub(crate) fn request(&self) -> Option<&ChangeRequest> {
+        self.request.as_ref()
+    }
+
+    pub(crate) fn triangles(&self) -> &Skin {
+        &self.triangles
+    }
+
     /// The number of a surface feature after the event, where it has one: edges and triangles are numbered anew.
     pub(crate) fn feature(&self, feature: u64) -> Option<u64> {
         let on_skin = || self.skin.get((feature & u64::from(u32::MAX)) as usize).is_some_and(|skin| *skin);
@@ -68,39 +84,67 @@ pub(super) struct Later {
 
 /// The bodies after each of the events. `config` is that of `whole`, whose fixed nodes no event releases.
 pub(super) fn bodies(whole: &World, config: &FemConfig, course: Vec<Stretch>) -> Result<Vec<Later>, SceneError> {
+    course.into_iter().map(|stretch| body_after(whole, config, stretch)).collect()
+}
+
+/// The body after one change.
+pub(super) fn body_after(whole: &World, config: &FemConfig, stretch: Stretch) -> Result<Later, SceneError> {
+    let mesh = part(&whole.mesh, &stretch.left);
     let free = whole.model.node_of_free();
-    let body = |stretch: Stretch| {
-        let mesh = part(&whole.mesh, &stretch.left);
-        let held = free.iter().copied().filter(|&node| stretch.held[node as usize]).collect();
-        let model = whole.model.changed(&mesh, &FemConfig { held, ..config.clone() });
-        let model = model.map_err(|e| refused(whole, &stretch, e.to_string()))?;
-        Ok(Later { stretch, mesh, model })
-    };
-    course.into_iter().map(body).collect()
+    let held = free.iter().copied().filter(|&node| stretch.held[node as usize]).collect();
+    let model = whole.model.changed(&mesh, &FemConfig { held, ..config.clone() });
+    let model = model.map_err(|e| refused(whole, &stretch, e.to_string()))?;
+    Ok(Later { stretch, mesh, model })
 }
 
 /// The worlds after each of the events.
 pub(super) fn changes(whole: &World, bodies: Vec<Later>) -> Result<Vec<Change>, SceneError> {
     let mut changes: Vec<Change> = Vec::with_capacity(bodies.len());
-    let all: Vec<u32> = (0..whole.mesh.tetrahedra.len() as u32).collect();
-    for Later { stretch, mesh, model } in bodies {
-        let (before, left_before) = match changes.last() {
-            Some(change) => (&change.world.model, change.world.left.as_ref().unwrap_or(&all)),
-            None => (&whole.model, &all),
-        };
-        let place = |t: &u32| left_before.binary_search(t).map_or(u32::MAX, |place| place as u32);
-        let memory = CarriedMemory::new(before, &model, &stretch.left.iter().map(place).collect::<Vec<_>>());
-        let cuts = stretch.left.len() < left_before.len();
-        let surface = mesh.surface();
-        let geometry = SurfaceGeometry::new(surface.triangles.clone(), &mesh.nodes)
-            .map_err(|e| refused(whole, &stretch, e.to_string()))?;
-        let mut skin = vec![false; mesh.nodes.len()];
-        surface.triangles.iter().flatten().for_each(|&node| skin[node as usize] = true);
-        let Stretch { time, left, text, .. } = stretch;
-        let world = World { mesh, surface, model, geometry, left: Some(left), ..whole.clone() };
-        changes.push(Change { time, world, memory, cuts, skin, text });
+    for later in bodies {
+        let change = change_to(whole, changes.last(), later, None)?;
+        changes.push(change);
     }
     Ok(changes)
+}
+
+/// The way from the body after `before`, or from the whole one, to a later one.
+pub(super) fn change_to(
+    whole: &World,
+    before: Option<&Change>,
+    later: Later,
+    request: Option<ChangeRequest>,
+) -> Result<Change, SceneError> {
+    let Later { stretch, mesh, model } = later;
+    let all: Vec<u32>;
+    let (model_before, left_before) = match before.map(|change| (&change.world.model, &change.world.left)) {
+        Some((model, Some(left))) => (model, left),
+        _ => {
+            all = (0..whole.mesh.tetrahedra.len() as u32).collect();
+            (&whole.model, &all)
+        }
+    };
+    let place = |t: &u32| left_before.binary_search(t).map_or(u32::MAX, |place| place as u32);
+    let memory = CarriedMemory::new(model_before, &model, &stretch.left.iter().map(place).collect::<Vec<_>>());
+    let cuts = stretch.left.len() < left_before.len();
+    let surface = mesh.surface();
+    let geometry = SurfaceGeometry::new(surface.triangles.clone(), &mesh.nodes)
+        .map_err(|e| refused(whole, &stretch, e.to_string()))?;
+    let mut skin = vec![false; mesh.nodes.len()];
+    surface.triangles.iter().flatten().for_each(|&node| skin[node as usize] = true);
+    let triangles = surface.triangles.as_slice().into();
+    let Stretch { time, left, text, .. } = stretch;
+    let world = World {
+        mesh,
+        surface,
+        model,
+        geometry,
+        changes: Vec::new(),
+        basis: None,
+        start: Arc::default(),
+        left: Some(left),
+        ..whole.clone()
+    };
+    Ok(Change { time, world, memory, cuts, skin, request, triangles, text })
 }
 
 fn refused(whole: &World, stretch: &Stretch, message: String) -> SceneError {

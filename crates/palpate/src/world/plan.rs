@@ -11,7 +11,7 @@ use palpate_fem::element::ElementKind;
 use palpate_fem::factor::SymbolicFactor;
 use palpate_fem::material::Material;
 
-use super::Integration;
+use super::{Integration, Ladder, Precomputed, Rung};
 use crate::scene::{BodyDescription, Refactor, SceneDescription};
 
 /// Operations per second of a factorisation on one core of the nominal machine.
@@ -19,6 +19,9 @@ const FACTOR_RATE: f64 = 15e9;
 
 /// The same for solves with the factor, which wait for memory.
 const SOLVE_RATE: f64 = 3e9;
+
+/// Time (s) of a product of two 3 x 3 blocks that are read from memory, on the nominal machine.
+const BLOCK_TIME: f64 = 8e-9;
 
 /// Share of a step that a factorisation may take to be done in it.
 const FACTOR_SHARE: f64 = 0.4;
@@ -44,8 +47,11 @@ pub struct Plan {
     pub correction: MotionCorrection,
     /// The system matrix never changes, so that its first factor is exact.
     pub constant: bool,
-    /// Relative error of the contact forces above which the steps that follow are exact.
-    pub accuracy: Option<f64>,
+    /// The methods between which the run keeps the accuracy that the scene states; then `compliance` is that of the rung
+    /// where it has a factor thread, and each step reports its own.
+    pub ladder: Option<Ladder>,
+    /// The inverse of the first matrix between the nodes of the skin, where a method asks for it.
+    pub precomputed: Option<Precomputed>,
     /// Iterations granted to the comparison of a column of `W`; 0 where none is compared.
     pub sample_iterations: usize,
     /// Predicted time of a factorisation (s).
@@ -58,25 +64,49 @@ pub struct Plan {
 
 impl Plan {
     /// The plan of a checked scene whose body has this symbolic factor.
-    pub(super) fn new(scene: &SceneDescription, integration: &Integration, symbolic: &SymbolicFactor) -> Self {
+    pub(super) fn new(
+        scene: &SceneDescription,
+        integration: &Integration,
+        symbolic: &SymbolicFactor,
+        skin: usize,
+    ) -> Self {
         let body = &scene.bodies[0];
         let dt = 1.0 / scene.rates.step;
         let factorization = symbolic.flops() / FACTOR_RATE;
         let solve = 4.0 * symbolic.nonzeros() as f64 / SOLVE_RATE;
         let constant = is_constant(body);
-        let (compliance, refactor, reason) = if *integration == Integration::BackwardEuler {
-            choose(body, dt, factorization, constant)
-        } else {
-            (ComplianceMethod::Exact, Refactor::Once, format!("the integrator brings its own: {integration}"))
+        let linearised = *integration == Integration::BackwardEuler;
+        let (compliance, refactor, mut reason) = match body.accuracy {
+            _ if !linearised => {
+                (ComplianceMethod::Exact, Refactor::Once, format!("the integrator brings its own: {integration}"))
+            }
+            Some(_) if body.compliance == ComplianceMethod::Automatic && !constant => {
+                let reason = format!("the scene states an accuracy; {}", milliseconds(factorization, dt));
+                (ComplianceMethod::Asynchronous, Refactor::Thread, reason)
+            }
+            _ => choose(body, dt, factorization, constant),
         };
+        let climbs = body.accuracy.filter(|_| linearised && compliance != ComplianceMethod::Exact);
+        // A thread with the named method `async` has no use for the first matrix.
+        let warps = compliance == ComplianceMethod::Warped
+            || climbs.is_some() && body.compliance == ComplianceMethod::Automatic;
+        let precomputed = warps.then(|| Precomputed::new(skin, body.surface_memory));
+        let ladder = climbs.map(|accuracy| match refactor {
+            Refactor::Thread => Ladder::with_thread(accuracy, precomputed.is_some_and(|p| p.fits())),
+            _ => Ladder::without_thread(accuracy),
+        });
+        if let Some(precomputed) = &precomputed {
+            reason = format!("{reason}; {}", precomputed.text());
+        }
         let affordable = (body.error_sampling * dt / solve) as usize;
-        let enough = affordable >= FEWEST_SAMPLE_ITERATIONS && *integration == Integration::BackwardEuler;
+        let enough = affordable >= FEWEST_SAMPLE_ITERATIONS && linearised;
         Self {
             compliance,
             refactor,
-            correction: body.correction,
+            correction: if linearised { body.correction } else { MotionCorrection::default() },
             constant,
-            accuracy: body.accuracy,
+            ladder,
+            precomputed,
             sample_iterations: if enough { affordable.min(MOST_SAMPLE_ITERATIONS) } else { 0 },
             factorization,
             solve,
@@ -98,6 +128,20 @@ impl Plan {
         SOLVES_OF_NODE * self.solve
     }
 
+    /// Predicted time (s) of what a rung of the ladder does in a step more than free motion and contact: for `rows` rows of
+    /// contact compliance, correction, and on the last rung the factorisation.
+    pub fn rung_time(&self, rung: Rung, rows: usize) -> f64 {
+        // Three rows of a contact touch up to three nodes; blocks of all pairs of nodes are read for each row.
+        let gather = (rows * rows) as f64 * BLOCK_TIME;
+        // Half a solve per row, which blocks of rows share eight times over; the correction is the other half.
+        let halves = self.solve * (rows as f64 / 16.0 + 0.5);
+        match rung {
+            Rung::Warped => gather + self.solve,
+            Rung::Asynchronous | Rung::Early => halves,
+            Rung::Exact => self.factorization + halves,
+        }
+    }
+
     /// Longest factorisation (s) that the automatic choice puts into every step of `dt` (s).
     pub fn largest_in_step(dt: f64) -> f64 {
         FACTOR_SHARE * dt
@@ -110,8 +154,8 @@ impl Plan {
 
     /// Whether the step needs memory for a factor of its own matrix.
     pub(crate) fn has_own_factor(&self) -> bool {
-        let steps_up = self.accuracy.is_some() && self.refactor != Refactor::Step && !self.constant;
-        self.refactor == Refactor::Step || self.compliance == ComplianceMethod::Exact && !self.constant || steps_up
+        let climbs = self.ladder.is_some();
+        self.refactor == Refactor::Step || self.compliance == ComplianceMethod::Exact && !self.constant || climbs
     }
 }
 
@@ -122,21 +166,25 @@ impl fmt::Display for Plan {
             Refactor::Thread => "factored by a thread",
             Refactor::Once => "factored once, no factor thread",
         };
-        write!(f, "{} compliance, {when}", self.compliance.name())?;
+        match &self.ladder {
+            Some(ladder) => write!(f, "{ladder}; {when}")?,
+            None => write!(f, "{} compliance, {when}", self.compliance.name())?,
+        }
         if !matches!(self.compliance, ComplianceMethod::Exact) {
             write!(f, ", {} correction", self.correction.name())?;
-        }
-        if let Some(accuracy) = self.accuracy {
-            write!(f, ", exact steps where the error exceeds {accuracy}")?;
         }
         write!(f, "; {}", self.reason)
     }
 }
 
+/// The predicted time of a factorisation (s) beside that of a step (s), in words.
+fn milliseconds(factorization: f64, dt: f64) -> String {
+    format!("{:.1} ms predicted for a factorisation, {:.1} ms a step", 1e3 * factorization, 1e3 * dt)
+}
+
 /// The methods for backward Euler, and why.
 fn choose(body: &BodyDescription, dt: f64, factorization: f64, constant: bool) -> (ComplianceMethod, Refactor, String) {
-    let milliseconds =
-        format!("{:.1} ms predicted for a factorisation, {:.1} ms a step", 1e3 * factorization, 1e3 * dt);
+    let milliseconds = milliseconds(factorization, dt);
     let named = |refactor: Refactor| {
         (body.compliance, body.refactor.unwrap_or(refactor), format!("as the scene says; {milliseconds}"))
     };

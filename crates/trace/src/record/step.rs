@@ -102,5 +102,9 @@ record! {
         33 => solver_attempts: u32, "";
         /// Events that had changed the body before this step.
         34 => phase: u32, "";
+        /// Rung of the run's ladder of methods: 0 warped, 1 asynchronous, 2 with early refreshes, 3 exact; -1 without one.
+        35 => rung: i32, "";
+        /// The greater of the two relative errors that the rung below would have had; NaN where it was not measured.
+        36 => lower_error: f64, "";
     }
 }

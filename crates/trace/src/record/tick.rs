@@ -33,6 +33,16 @@ flags! {
         12 => LOCAL;
         /// The tool had gone so far that skin beyond the patch could touch it unseen.
         13 => BEYOND_PATCH;
+        /// The energy account of the device's port was overdrawn, and the wrench was reduced along the motion.
+        14 => PASSIVITY;
+        /// The power given to the hand was cut to its limit.
+        15 => POWER_LIMITED;
+        /// The tick came later than half a period after its time.
+        16 => LATE;
+        /// The device's pose had jumped, and the force was taken off.
+        17 => JUMPED;
+        /// The magnitude of the torque was cut to the limit of device or scene.
+        18 => TORQUE_LIMITED;
     }
 }
 
@@ -85,5 +95,8 @@ record! {
         20 => work_ns: u64, "ns";
         /// Change of the force before limits that a new snapshot brings at the same pose (N); 0 at other ticks.
         21 => force_jump: f64, "N";
+        /// Account of the energy that went through the device's port in the contact that lasts (J); positive: the hand
+        /// has put it in.
+        22 => energy: f64, "J";
     }
 }

@@ -3,8 +3,8 @@
 #![allow(dead_code)] // each test uses its part
 
 use palpate_trace::{
-    Attachment, BodyGeometry, FactorRecord, FactorStatus, FactorTrace, LogLevel, LogRecord, RigidRecord, SolidGeometry,
-    StepFlags, StepRecord, StepTrace, TickFlags, TickRecord, TickTrace, ToolShape, TraceConfig,
+    Attachment, BodyGeometry, FactorRecord, FactorStatus, FactorTrace, LogLevel, LogRecord, Offer, RigidRecord,
+    SolidGeometry, StepFlags, StepRecord, StepTrace, TickFlags, TickRecord, TickTrace, ToolShape, TraceConfig,
 };
 
 pub(crate) const TICKS_PER_STEP: u64 = 33;
@@ -56,6 +56,7 @@ pub(crate) fn tick(tick: u64) -> TickRecord {
         wake_latency_ns: 0,
         work_ns: 0,
         force_jump: if tick.is_multiple_of(TICKS_PER_STEP) { 0.02 } else { 0.0 },
+        energy: 1e-3 * depth.max(0.0),
     }
 }
 
@@ -118,7 +119,7 @@ pub(crate) fn push_step(k: u64, ticks: &mut TickTrace, steps: &mut StepTrace, fa
     }
     let record = step(k);
     taken &= steps.push(record);
-    taken &= steps.push_positions(record.time_ns, |out| out.copy_from_slice(&positions(k)));
+    taken &= steps.push_positions(record.time_ns, None, |out| out.copy_from_slice(&positions(k))) != Offer::Dropped;
     if k % 3 == 2 {
         taken &= factors.push(factor(1 + k / 3));
     }

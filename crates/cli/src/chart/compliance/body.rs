@@ -150,6 +150,16 @@ pub(crate) fn contacts(world: &World, q: &[Vector3<f64>]) -> (NodalRows, Vec<f64
     (rows, gaps)
 }
 
+/// Free nodes of the skin.
+pub(crate) fn skin(world: &World) -> Vec<u32> {
+    let free = world.model().free_of_node();
+    let mut nodes: Vec<u32> = world.surface().triangles.iter().flatten().map(|&node| free[node as usize]).collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    nodes.retain(|&node| node != FIXED);
+    nodes
+}
+
 /// No rotations.
 pub(crate) fn unturned(world: &World) -> Vec<Matrix3<f64>> {
     vec![Matrix3::identity(); world.model().free_nodes()]

@@ -1,12 +1,14 @@
 //! One step by each method: its time, and the error of forces and motion against those of the step's own matrix.
 
 use std::sync::Arc;
-use std::time::Instant;
 
+use cpu_time::ThreadTime;
 use miette::{Result, miette};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use palpate::constraints::compliance::{self, ComplianceMethod, ComplianceWorkspace, MotionCorrection, WarpedInverse};
+use palpate::constraints::compliance::{self, ComplianceMethod, ComplianceWorkspace, WarpedInverse};
 use palpate::constraints::law::Coulomb;
+use palpate::constraints::precomputed::{PrecomputedInverse, PrecomputedWorkspace};
+use palpate::constraints::surface_inverse::SurfaceInverse;
 use palpate::fem::assembly::{FemWorkspace, assemble};
 use palpate::fem::factor::{Factor, FactorStatus, ReachWorkspace, SolveWorkspace};
 use palpate::fem::model::FemState;
@@ -18,7 +20,8 @@ use palpate::prelude::*;
 use palpate::solver::problem::ConstraintProblem;
 use palpate::solver::solver::{Solver, SolverWorkspace};
 
-use super::body::{STEPS, contacts, unturned};
+use super::body::{STEPS, contacts, skin, unturned};
+use super::method::{Correction, Method, Outcome, Source};
 
 /// Coefficient of friction.
 const FRICTION: f64 = 0.3;
@@ -26,28 +29,10 @@ const FRICTION: f64 = 0.3;
 /// The contact solver's tolerance: far below the errors that are looked for.
 const TOLERANCE: f64 = 1e-10;
 
-/// A method and the age of its factor in steps.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Method {
-    pub(crate) warped: bool,
-    pub(crate) correction: MotionCorrection,
-    pub(crate) age: usize,
-}
-
-/// What a step by a method came to.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Outcome {
-    /// Relative error of the forces in the norm of the exact compliance: `‖λ - λ*‖_W / ‖λ*‖_W`.
-    pub(crate) force: f64,
-    /// Relative error of the correction of the motion, `‖Δv - Δv*‖ / ‖Δv*‖`.
-    pub(crate) motion: f64,
-    /// What the correction misses of the equations of motion, `‖A Δv - h Hᵀ λ‖ / ‖h Hᵀ λ‖` with its own forces.
-    pub(crate) imbalance: f64,
-    /// Iterations of the free motion, and of the exact correction.
-    pub(crate) iterations: [usize; 2],
-    /// Time of rotations, free motion, compliance, forces and correction (s); of the factorisation too for the exact
-    /// method.
-    pub(crate) time: f64,
+/// The factor of an old matrix, and what was precomputed from it.
+pub(crate) struct Old {
+    pub(crate) factor: Factor,
+    pub(crate) surface: Option<SurfaceInverse>,
 }
 
 /// A step of a body, ready to be taken by every method.
@@ -59,12 +44,14 @@ pub(crate) struct Step<'w> {
     problem: ConstraintProblem,
     solver: Solver,
     solver_ws: SolverWorkspace,
-    reach: ComplianceWorkspace<ReachWorkspace>,
+    reach: ComplianceWorkspace<PrecomputedWorkspace>,
     solve: SolveWorkspace,
     pcg: PcgWorkspace,
     rotations: Vec<Matrix3<f64>>,
     v_free: Vec<f64>,
     lambda: Vec<f64>,
+    before: Vec<f64>,
+    motion: Vec<f64>,
     correction: Vec<f64>,
     load: Vec<f64>,
     /// Compliance, forces and correction of the step's own matrix.
@@ -83,6 +70,8 @@ impl<'w> Step<'w> {
         let solver = Solver::from_name("gauss_seidel").ok_or_else(|| miette!("there is no such solver"))?;
         let solver = solver.limited(TOLERANCE, Some(100_000));
         let free = 3 * world.model().free_nodes();
+        let reach = ReachWorkspace::new(world.symbolic(), m);
+        let inverse = PrecomputedWorkspace::new(reach, SolveWorkspace::new(world.symbolic()));
         let mut step = Self {
             world,
             path,
@@ -90,20 +79,22 @@ impl<'w> Step<'w> {
             problem,
             solver,
             solver_ws: solver.workspace(m),
-            reach: ComplianceWorkspace::new(m, ReachWorkspace::new(world.symbolic(), m)),
+            reach: ComplianceWorkspace::new(m, inverse),
             solve: SolveWorkspace::new(world.symbolic()),
             pcg: PcgWorkspace::new(world.model().free_nodes()),
             rotations: unturned(world),
             v_free: vec![0.0; free],
             lambda: vec![0.0; m],
+            before: vec![0.0; m],
+            motion: vec![0.0; free],
             correction: vec![0.0; free],
             load: vec![0.0; free],
             exact: (DMatrix::zeros(m, m), DVector::zeros(m), vec![0.0; free]),
             rows,
         };
         step.assemble(STEPS);
-        let mut factor = step.factor(STEPS)?;
-        step.take(&mut factor, None);
+        let mut own = step.old(STEPS, false)?;
+        step.take(&mut own, None);
         let view = step.problem.view();
         let w = DMatrix::from_fn(m, m, |i, j| view.column(j)[i]);
         step.exact = (w, DVector::from_column_slice(&step.lambda), step.correction.clone());
@@ -125,22 +116,31 @@ impl<'w> Step<'w> {
         assemble(self.world.model(), &self.state(k), self.world.dt(), &[], &mut self.fem);
     }
 
-    /// The factor of the matrix at step `k`; leaves the matrix of the measured step behind.
-    pub(crate) fn factor(&mut self, k: usize) -> Result<Factor> {
+    /// The factor of the matrix at step `k`, and the inverse between the nodes of the skin where wanted; leaves the matrix of
+    /// the measured step behind.
+    pub(crate) fn old(&mut self, k: usize, precompute: bool) -> Result<Old> {
         self.assemble(k);
         let mut factor = Factor::new(Arc::clone(self.world.symbolic()));
         let status = factor.refactor(&self.fem.system).status;
         self.assemble(STEPS);
-        if status == FactorStatus::Ok { Ok(factor) } else { Err(miette!("step {k} has no factor: {status:?}")) }
+        if status != FactorStatus::Ok {
+            return Err(miette!("step {k} has no factor: {status:?}"));
+        }
+        let invert = || SurfaceInverse::new(&factor, &skin(self.world), usize::MAX).map_err(|e| miette!("{e}"));
+        let surface = precompute.then(invert).transpose()?;
+        if let Some(surface) = &surface {
+            self.reach.inverse_mut().make_room_for(surface);
+        }
+        Ok(Old { factor, surface })
     }
 
     /// The step by a method (`None`: the exact one, which factors first), several times for its time.
-    pub(crate) fn measure(&mut self, factor: &mut Factor, method: Option<Method>, times: usize) -> Outcome {
+    pub(crate) fn measure(&mut self, old: &mut Old, method: Option<Method>, times: usize) -> Outcome {
         let mut durations = Vec::with_capacity(times);
         let mut iterations = [0; 2];
         for _ in 0..times.max(1) {
-            let begin = Instant::now();
-            iterations = self.take(factor, method);
+            let begin = ThreadTime::now();
+            iterations = self.take(old, method);
             durations.push(begin.elapsed().as_secs_f64());
         }
         durations.sort_by(f64::total_cmp);
@@ -169,14 +169,15 @@ impl<'w> Step<'w> {
     }
 
     /// Free motion, compliance, forces and correction; the iterations that they took.
-    fn take(&mut self, factor: &mut Factor, method: Option<Method>) -> [usize; 2] {
+    fn take(&mut self, old: &mut Old, method: Option<Method>) -> [usize; 2] {
+        let Old { factor, surface } = old;
         let dt = self.world.dt();
         match method {
             None => {
                 factor.refactor(&self.fem.system);
                 self.rotations.fill(Matrix3::identity());
             }
-            Some(method) if method.warped => {
+            Some(method) if method.source != Source::Unwarped => {
                 let from = &self.path[STEPS - method.age];
                 nodal_rotations(self.world.model(), from, &self.path[STEPS], &mut self.rotations);
             }
@@ -188,24 +189,52 @@ impl<'w> Step<'w> {
             WarpedPreconditioner { factor, rotations: &self.rotations, workspace: &mut self.solve };
         self.v_free.fill(0.0);
         let free = pcg(system, &self.fem.rhs, &mut self.v_free, &mut preconditioner, config, &mut self.pcg);
-        let inverse = match method {
-            None => WarpedInverse::new(ComplianceMethod::Exact, &*factor, &self.rotations),
-            Some(_) => WarpedInverse::new(ComplianceMethod::Asynchronous, &*factor, &self.rotations),
-        };
-        compliance::assemble(inverse, &self.rows, dt, self.problem.compliance_mut(), &mut self.reach);
+        let gathered = method.is_some_and(|method| method.source == Source::Gathered);
+        // Those of a factor of the step itself, or of an unwarped one, are none.
+        let inverse = PrecomputedInverse { factor, surface: surface.as_ref().filter(|_| gathered) };
+        let warped = WarpedInverse::new(ComplianceMethod::Asynchronous, inverse, &self.rotations);
+        compliance::assemble(warped, &self.rows, dt, self.problem.compliance_mut(), &mut self.reach);
         self.lambda.fill(0.0);
         self.solver.solve(&self.problem.view(), &mut self.lambda, &mut self.solver_ws);
-        compliance::correct(inverse, &self.lambda, dt, &mut self.correction, &mut self.reach);
+        compliance::correct(warped, &self.lambda, dt, &mut self.correction, &mut self.reach);
+        let correction = method.map_or(Correction::Matching, |method| method.correction);
         let mut corrected = 0;
-        if method.is_some_and(|method| method.correction == MotionCorrection::Exact) {
-            self.load.fill(0.0);
-            self.rows.add_transposed(&self.lambda, &mut self.load);
-            self.load.iter_mut().for_each(|b| *b *= dt);
-            let mut preconditioner =
-                WarpedPreconditioner { factor, rotations: &self.rotations, workspace: &mut self.solve };
-            let exactly = pcg(system, &self.load, &mut self.correction, &mut preconditioner, config, &mut self.pcg);
-            corrected = exactly.iterations;
+        if correction != Correction::Matching {
+            corrected += self.correct_exactly(factor, config);
+        }
+        if correction == Correction::Refined {
+            corrected += self.refine(inverse, config);
         }
         [free.iterations, corrected]
+    }
+
+    /// `A Δv = h Hᵀ λ`, from the correction at hand; the iterations.
+    fn correct_exactly(&mut self, factor: &Factor, config: PcgConfig) -> usize {
+        self.load.fill(0.0);
+        self.rows.add_transposed(&self.lambda, &mut self.load);
+        let dt = self.world.dt();
+        self.load.iter_mut().for_each(|b| *b *= dt);
+        let mut preconditioner =
+            WarpedPreconditioner { factor, rotations: &self.rotations, workspace: &mut self.solve };
+        pcg(&self.fem.system, &self.load, &mut self.correction, &mut preconditioner, config, &mut self.pcg).iterations
+    }
+
+    /// The forces once more with `(W_A - W) λ` added to the gaps, and the exact motion under them, as a run does.
+    fn refine(&mut self, inverse: PrecomputedInverse<'_>, config: PcgConfig) -> usize {
+        let dt = self.world.dt();
+        let view = self.problem.view();
+        let expected = |r: usize| view.column(r).iter().zip(&self.lambda).map(|(w, l)| w * l).sum::<f64>();
+        let shift: Vec<f64> =
+            (0..self.rows.len()).map(|r| dt * self.rows.dot(r, &self.correction) - expected(r)).collect();
+        self.before.copy_from_slice(&self.lambda);
+        self.motion.copy_from_slice(&self.correction);
+        self.problem.delta_free_mut().iter_mut().zip(&shift).for_each(|(gap, shift)| *gap += shift);
+        self.solver.solve(&self.problem.view(), &mut self.lambda, &mut self.solver_ws);
+        self.problem.delta_free_mut().iter_mut().zip(&shift).for_each(|(gap, shift)| *gap -= shift);
+        self.before.iter_mut().zip(&self.lambda).for_each(|(before, now)| *before = now - *before);
+        let warped = WarpedInverse::new(ComplianceMethod::Asynchronous, inverse, &self.rotations);
+        compliance::correct(warped, &self.before, dt, &mut self.correction, &mut self.reach);
+        self.correction.iter_mut().zip(&self.motion).for_each(|(motion, before)| *motion += before);
+        self.correct_exactly(inverse.factor, config)
     }
 }

@@ -2,31 +2,32 @@
 
 mod body;
 mod measurement;
+mod method;
 
 use miette::Result;
-use palpate::constraints::compliance::MotionCorrection;
+use palpate::constraints::surface_inverse::SurfaceInverse;
 
 use super::plot::{Axis, Layout, Mark, Panel, Series};
 use super::table::{Table, Value};
 use super::{Chart, NamedTable, Settings, Work};
-use body::{Motion, STEPS, organ, positions};
-use measurement::{Method, Outcome, Step};
+use body::{Motion, STEPS, organ, positions, skin};
+use measurement::Step;
+use method::{Correction, Method, Outcome, Source};
 
 /// Ages of the factor (steps).
 const AGES: [usize; 5] = [0, 1, 3, 10, 30];
 
-/// Least error that is drawn (%): below are the tolerances of the solvers.
-const FLOOR: f64 = 1e-6;
+/// Least error that is drawn (%): nobody feels less, and a factor of the step itself has none.
+const FLOOR: f64 = 1e-3;
 
 /// Stiffness of the lesion relative to the rest.
 const RATIOS: [f64; 2] = [1.0, 1e3];
 
-const COLUMNS: [&str; 12] = [
+const COLUMNS: [&str; 11] = [
     "nodes",
     "stiffness ratio",
     "motion",
-    "method",
-    "warped",
+    "compliance",
     "correction",
     "age [steps]",
     "error of forces [%]",
@@ -36,16 +37,33 @@ const COLUMNS: [&str; 12] = [
     "step [ms]",
 ];
 
+const LARGEST: [&str; 8] = [
+    "stiffness ratio",
+    "motion",
+    "compliance",
+    "correction",
+    "age [steps]",
+    "error of forces [%]",
+    "error of motion [%]",
+    "step [ms]",
+];
+
 /// Measures everything that `palpate chart compliance` shows.
 pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
     let cells: &[f64] = if settings.quick { &[0.025] } else { &[0.0155, 0.0105] };
     let ratios = if settings.quick { &RATIOS[..1] } else { &RATIOS[..] };
     let mut notes = Vec::new();
-    let (mut table, mut panels) = (Table::new(&COLUMNS), Vec::new());
+    let (mut table, mut largest, mut panels) = (Table::new(&COLUMNS), Table::new(&LARGEST), Vec::new());
     work.expect(cells.len() * ratios.len() * Motion::ALL.len());
     'all: for &cell in cells {
         for &ratio in ratios {
             let world = organ(cell, ratio)?;
+            let nodes = skin(&world).len();
+            let megabytes = 1e-6 * SurfaceInverse::bytes(nodes) as f64;
+            notes.push(format!(
+                "{} nodes, {nodes} of them free and on the skin: the inverse between these takes {megabytes:.1} MB",
+                world.mesh().nodes.len()
+            ));
             let name = format!("{} nodes, ratio {ratio}", world.mesh().nodes.len());
             for motion in Motion::ALL {
                 if !work.next(&format!("{name}, {}", motion.name())) {
@@ -61,6 +79,9 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
                 for (method, outcome) in &outcomes {
                     table.push(row(&world, ratio, motion, *method, outcome));
                 }
+                if cell == cells[cells.len() - 1] && motion != Motion::Still {
+                    summarise(&mut largest, ratio, motion, &outcomes);
+                }
                 // At rest no factor is old.
                 if motion != Motion::Still {
                     panels.extend(draw(&format!("{name}, {}", motion.name()), &outcomes));
@@ -68,29 +89,56 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
             }
         }
     }
-    let title =
-        "Compliance of 10 frictional contacts: error against time per step on one core, factor 0 to 30 steps old";
-    let heading = "Errors of forces (in the norm of W) and of the correction of the motion, what that misses of the equations of \
-                   motion, and time of a step without assembly and detection; the factor of the asynchronous methods is \
-                   made by another thread";
-    let tables = vec![NamedTable { file: "compliance", title: heading.into(), table }];
+    let title = "Compliance of 10 frictional contacts: error against time per step on one core; along a line the factor is 0, 1, 3, \
+         10, 30 steps old, the precomputed inverse 30";
+    let heading = "Errors of forces (in the norm of W) and of the correction of the motion, and time of a step without \
+                   assembly and detection, on the largest body; the factor of the asynchronous methods is made by another \
+                   thread. The rest is in compliance.csv";
+    let tables = vec![
+        NamedTable { file: "compliance_largest", title: heading.into(), table: largest },
+        NamedTable { file: "compliance", title: String::new(), table },
+    ];
     Ok(Chart { title: title.into(), panels, layout: Layout::columns(4), tables, notes })
 }
 
 /// One step by every method and age; `None` is the exact one.
 fn outcomes(step: &mut Step<'_>, times: usize) -> Result<Vec<(Option<Method>, Outcome)>> {
-    let mut own = step.factor(STEPS)?;
+    let mut own = step.old(STEPS, false)?;
     let mut all = vec![(None, step.measure(&mut own, None, times))];
     for age in AGES {
-        let mut factor = step.factor(STEPS - age)?;
-        for warped in [true, false] {
-            for correction in [MotionCorrection::Matching, MotionCorrection::Exact] {
-                let method = Some(Method { warped, correction, age });
-                all.push((method, step.measure(&mut factor, method, times)));
+        // The oldest matrix is the first: the one that a run precomputes.
+        let mut old = step.old(STEPS - age, age == STEPS)?;
+        for source in [Source::Warped, Source::Unwarped, Source::Gathered] {
+            if source == Source::Gathered && age < STEPS {
+                continue;
+            }
+            for correction in Correction::ALL {
+                let method = Some(Method { source, correction, age });
+                all.push((method, step.measure(&mut old, method, times)));
             }
         }
     }
     Ok(all)
+}
+
+/// Rows of the table on the screen: what a run does, beside the same without refinement and without warping.
+fn summarise(table: &mut Table, ratio: f64, motion: Motion, outcomes: &[(Option<Method>, Outcome)]) {
+    for (method, outcome) in outcomes {
+        let shown = method.is_none_or(|m| m.correction != Correction::Exact && m.source != Source::Unwarped)
+            || method.is_some_and(|m| m.source == Source::Unwarped && m.correction == Correction::Refined);
+        if shown {
+            table.push(vec![
+                Value::Number(ratio, 0),
+                motion.name().into(),
+                method.map_or("exact", |m| m.source.name()).into(),
+                method.map_or(Value::None, |m| m.correction.name().into()),
+                method.map_or(Value::None, |m| m.age.into()),
+                Value::Number(100.0 * outcome.force, 2),
+                Value::Number(100.0 * outcome.motion, 2),
+                Value::Number(1e3 * outcome.time, 2),
+            ]);
+        }
+    }
 }
 
 fn row(
@@ -105,8 +153,7 @@ fn row(
         world.mesh().nodes.len().into(),
         Value::Number(ratio, 0),
         motion.name().into(),
-        if method.is_some() { "async" } else { "exact" }.into(),
-        method.map_or(Value::None, |m| if m.warped { "yes" } else { "no" }.into()),
+        method.map_or("exact", |m| m.source.name()).into(),
         method.map_or(Value::None, |m| m.correction.name().into()),
         method.map_or(Value::None, |m| m.age.into()),
         Value::Number(100.0 * outcome.force, 3),
@@ -124,10 +171,9 @@ fn draw(title: &str, outcomes: &[(Option<Method>, Outcome)]) -> [Panel; 2] {
         for (method, outcome) in outcomes {
             let name = match method {
                 None => "exact: factored in the step".to_string(),
-                Some(m) => {
-                    let warped = if m.warped { "warped" } else { "not warped" };
-                    format!("{warped}, {} correction", m.correction.name())
-                }
+                // What a run does, and the plain method beside it; the rest is in the table.
+                Some(m) if m.correction == Correction::Exact => continue,
+                Some(m) => format!("{}, {}", m.source.name(), m.correction.name()),
             };
             let point = (1e3 * outcome.time, (100.0 * error(outcome)).max(FLOOR));
             match series.iter_mut().find(|s| s.name == name) {

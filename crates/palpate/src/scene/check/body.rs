@@ -98,6 +98,7 @@ fn compliance(body: &BodyDescription, source: &Source<'_>) -> Checked {
         positive(source, "body.0.accuracy", accuracy, "")?;
     }
     not_negative(source, "body.0.error_sampling", body.error_sampling, "")?;
+    not_negative(source, "body.0.surface_memory", body.surface_memory, "MB")?;
     let refuse = |message: &str, remedy: &str| Err(source.at("body.0.refactor", message, remedy));
     match (body.compliance, body.refactor) {
         (ComplianceMethod::Asynchronous, Some(Refactor::Step | Refactor::Once)) => {

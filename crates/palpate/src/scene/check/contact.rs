@@ -1,5 +1,7 @@
 //! The range of every value of contact and solvers, and which of them fit one another.
 
+use nalgebra::Isometry3;
+use palpate_collision::detection::ContactKind;
 use palpate_constraints::law::{ConicForm, ContactLaw, Coulomb};
 use palpate_solver::solver::SolverKind;
 
@@ -15,6 +17,7 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     not_negative(source, "contact.margin", c.margin, "m")?;
     not_negative(source, "contact.merge_distance", c.merge_distance, "m")?;
     max_contacts(source, "contact.max_contacts", c.max_contacts)?;
+    hold(scene, source)?;
     law(c, source)?;
     contact_method(scene, source)?;
     solver(scene, source)?;
@@ -38,6 +41,23 @@ pub(super) fn max_contacts(source: &Source<'_>, path: &str, contacts: usize) -> 
 pub(super) fn friction(source: &Source<'_>, path: &str, friction: f64) -> Checked {
     not_negative(source, path, friction, "")?;
     Coulomb { friction }.validate().map_err(|e| source.at(path, e.to_string(), e.remedy))
+}
+
+/// Only points of faces move with the tool, and only those of a tool with an axis are held.
+fn hold(scene: &SceneDescription, source: &Source<'_>) -> Checked {
+    let unused = |why: &str, remedy: &str| {
+        Err(source.at("contact.hold", format!("hold = true has no effect: {why}"), format!("remove it, or {remedy}")))
+    };
+    if !scene.contact.hold {
+        return Ok(());
+    }
+    if scene.contact.at == ContactKind::Nodes {
+        return unused("contacts are at nodes, which stay the same", "set at = \"faces\"");
+    }
+    if scene.tools.iter().any(|tool| tool.shape.axis(&Isometry3::identity()).is_none()) {
+        return unused("the tool is a hull, whose points are not held", "give the tool a sphere or a capsule");
+    }
+    Ok(())
 }
 
 /// The parameters of the law that is used, and of no other.

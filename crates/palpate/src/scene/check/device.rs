@@ -1,8 +1,9 @@
-//! The range of every value of device, hand, coupling and limits.
+//! The range of every value of device, hand, coupling, passivity and limits.
 
 use palpate_devices::place::Place;
 use palpate_haptics::SetupError;
 use palpate_haptics::limits::Limits;
+use palpate_haptics::passivity::Passivity;
 use palpate_haptics::script::HandScript;
 
 use super::super::description::SceneDescription;
@@ -32,6 +33,8 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     if let Some(coupling) = &scene.coupling {
         coupling.validate().map_err(|e| refused("coupling", e))?;
     }
+    let period = 1.0 / scene.rates.tick;
+    Passivity::new(&scene.passivity, &spec, period).map_err(|e| refused("passivity", e))?;
     Limits::new(&scene.limits, &spec).map_err(|e| refused("limits", e))?;
     if scene.hand.path.is_empty() && !crate::devices::follows_path(&scene.device.kind) {
         return Ok(());

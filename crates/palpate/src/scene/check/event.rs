@@ -8,6 +8,9 @@ use super::Checked;
 use super::body::selection;
 use super::number::not_negative;
 
+/// Most changes from outside: each keeps its own body in memory.
+const MOST_CHANGES: u32 = 1000;
+
 /// Checks every value of the events.
 pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     for (k, event) in scene.events.iter().enumerate() {
@@ -22,14 +25,19 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
             part.iter().try_for_each(|part| selection(source, &path(key), part))?;
         }
     }
-    if scene.events.is_empty() { Ok(()) } else { methods(scene, source) }
+    if let Some(k) = scene.bodies.iter().position(|body| body.changes > MOST_CHANGES) {
+        let message = format!("{} changes in one run", scene.bodies[k].changes);
+        return Err(source.at(&format!("body.{k}.changes"), message, format!("use at most {MOST_CHANGES}")));
+    }
+    let changes = !scene.events.is_empty() || scene.bodies.iter().any(|body| body.changes > 0);
+    if changes { methods(scene, source) } else { Ok(()) }
 }
 
 /// The methods that a change of the body goes with.
 fn methods(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     let refuse = |path: &str, method: String, remedy: &str| {
-        let message = format!("{method} does not go with [[event]]: the body changes while it runs");
-        Err(source.at(path, message, format!("{remedy}, or remove the events")))
+        let message = format!("{method} does not go with [[event]] or `changes`: the body changes while it runs");
+        Err(source.at(path, message, format!("{remedy}, or remove the events and `changes`")))
     };
     for (k, body) in scene.bodies.iter().enumerate() {
         if body.integrator != IntegratorKind::BackwardEuler {

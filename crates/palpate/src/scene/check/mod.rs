@@ -5,15 +5,17 @@ mod contact;
 mod device;
 mod event;
 mod number;
+mod rates;
 mod solid;
 mod tick;
 
 use super::description::SceneDescription;
 use super::error::SceneError;
 use super::parse::Source;
-use number::{finite, not_negative, positive};
+use number::{finite, positive};
 
 pub(crate) use body::MOST_SUBSTEPS;
+pub(crate) use rates::{Staleness, staleness};
 
 type Checked = Result<(), SceneError>;
 
@@ -28,7 +30,7 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     }
     positive(source, "seconds", scene.seconds, "s")?;
     finite(source, "gravity", &scene.gravity)?;
-    rates(scene, source)?;
+    rates::check(scene, source)?;
     match scene.bodies.as_slice() {
         [body] => body::check(body, source)?,
         [] => return Err(source.at("body", "there is no body", "add a [[body]] with a mesh and a material")),
@@ -50,20 +52,4 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     event::check(scene, source)?;
     tick::check(scene, source)?;
     device::check(scene, source)
-}
-
-fn rates(scene: &SceneDescription, source: &Source<'_>) -> Checked {
-    let r = &scene.rates;
-    positive(source, "rates.step", r.step, "Hz")?;
-    positive(source, "rates.factor", r.factor, "Hz")?;
-    positive(source, "rates.tick", r.tick, "Hz")?;
-    not_negative(source, "rates.factor_delay", r.factor_delay, "s")?;
-    if r.tick < r.step {
-        let message = format!("the tick rate {} Hz is below the step rate {} Hz", r.tick, r.step);
-        return Err(source.at("rates.tick", message, "use 1000 Hz for haptics, at least the step rate"));
-    }
-    if r.tick > 20_000.0 {
-        return Err(source.at("rates.tick", format!("{} Hz leaves no time to work in", r.tick), "use at most 20000"));
-    }
-    Ok(())
 }

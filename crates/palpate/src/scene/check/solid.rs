@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use nalgebra::Matrix3;
 use palpate_rigid::RigidModel;
 
-use super::super::description::{SceneDescription, SolidShape};
+use super::super::description::{ContactLawKind, SceneDescription, SolidShape};
 use super::super::parse::Source;
 use super::Checked;
 use super::contact::{friction, max_contacts};
@@ -13,6 +13,7 @@ use super::number::{finite, positive};
 
 /// Checks every value of the fixed and rigid bodies, and that no two bodies have one name.
 pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
+    law(scene, source)?;
     for (k, body) in scene.fixed_bodies.iter().enumerate() {
         let path = format!("fixed_body.{k}");
         shape(source, &path, &body.shape)?;
@@ -45,6 +46,27 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
         contacts(source, &path, body.friction, body.max_contacts)?;
     }
     names(scene, source)
+}
+
+/// The law of `[contact]` is that of these bodies too.
+fn law(scene: &SceneDescription, source: &Source<'_>) -> Checked {
+    let law = scene.contact.law;
+    let of_fixed = scene.fixed_bodies.iter().enumerate().map(|(k, body)| ("fixed_body", k, body.friction));
+    let of_rigid = scene.rigid_bodies.iter().enumerate().map(|(k, body)| ("rigid_body", k, body.friction));
+    for (kind, k, friction) in of_fixed.chain(of_rigid) {
+        if law == ContactLawKind::Threshold {
+            let message =
+                format!("`threshold` would let bodies fall through [[{kind}]]: it is the law of every contact");
+            return Err(source.at("contact.law", message, "set another law, or remove the fixed and rigid bodies"));
+        }
+        let rubs = matches!(law, ContactLawKind::Coulomb | ContactLawKind::FacetedCoulomb);
+        if let Some(mu) = friction.filter(|mu| *mu > 0.0 && !rubs) {
+            let message = format!("friction = {mu} has no effect: the law is `{}`", law.name());
+            let remedy = "remove it, or set law = \"coulomb\", whose friction may be 0 in [contact]";
+            return Err(source.at(&format!("{kind}.{k}.friction"), message, remedy));
+        }
+    }
+    Ok(())
 }
 
 fn shape(source: &Source<'_>, path: &str, shape: &SolidShape) -> Checked {

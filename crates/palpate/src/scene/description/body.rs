@@ -50,7 +50,12 @@ pub struct BodyDescription {
     /// Tissue of named regions.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub regions: BTreeMap<String, TissueDescription>,
-    /// Nodes that never move.
+    /// Most changes from outside in one run ([`Session::change`](crate::session::Session::change),
+    /// [`Simulation::change`](crate::simulation::Simulation::change)): nodes held or released, elements removed. Fixed nodes
+    /// then keep their rows, for they may be released.
+    #[serde(default)]
+    pub changes: u32,
+    /// Nodes that never move, unless a change releases them.
     #[serde(default)]
     pub fixed: Vec<NodeSelection>,
     /// Lets the body settle under gravity before the run; its place then is what indentation is measured from.
@@ -72,9 +77,15 @@ pub struct BodyDescription {
     /// When the system matrix is factored; what suits `compliance` by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refactor: Option<Refactor>,
-    /// Relative error of the contact forces to keep to: steps whose measured error is above are followed by exact ones.
+    /// Relative error of the contact forces to keep to by the cheapest method that does
+    /// (see [`Ladder`](crate::world::Ladder)): from `compliance` up, or with `automatic` from the precomputed inverse of the
+    /// first matrix up.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<f64>,
+    /// Most memory (MB) for the inverse of the first matrix between the nodes of the skin, with `warped` compliance and with
+    /// `accuracy`: 18 bytes per pair of nodes, 256 MB for 3,770 nodes. What takes more is left to half solves; 0 for none.
+    #[serde(default = "surface_memory")]
+    pub surface_memory: f64,
     /// Share of a step that may be spent on comparing a column of the compliance with the exact one; 0 for none.
     #[serde(default = "sampling_share")]
     pub error_sampling: f64,
@@ -95,19 +106,32 @@ pub struct BodyDescription {
     pub max_iterations: usize,
 }
 
+/// Whether a body says another value for a key than the default.
+pub type IsGiven = fn(&BodyDescription) -> bool;
+
 impl BodyDescription {
+    /// Keys that only `integrator = "backward_euler"` reads.
+    pub const OF_BACKWARD_EULER: [(&str, IsGiven); 9] = [
+        ("guard", |body| body.guard != yes()),
+        ("definiteness_filter", |body| body.definiteness_filter != yes()),
+        ("compliance", |body| body.compliance != ComplianceMethod::default()),
+        ("correction", |body| body.correction != MotionCorrection::default()),
+        ("refactor", |body| body.refactor.is_some()),
+        ("accuracy", |body| body.accuracy.is_some()),
+        ("error_sampling", |body| body.error_sampling != sampling_share()),
+        ("tolerance", |body| body.tolerance != free_motion_tolerance()),
+        ("max_iterations", |body| body.max_iterations != free_motion_iterations()),
+    ];
+
     /// Keys that differ from their defaults and that the body's integrator never reads.
     pub(crate) fn keys_without_effect(&self) -> impl Iterator<Item = &'static str> {
-        let of_linearised_steps = [
-            ("guard", self.guard != yes()),
-            ("definiteness_filter", self.definiteness_filter != yes()),
-            ("compliance", self.compliance != ComplianceMethod::default()),
-            ("tolerance", self.tolerance != free_motion_tolerance()),
-            ("max_iterations", self.max_iterations != free_motion_iterations()),
-        ];
         let other = self.integrator != IntegratorKind::BackwardEuler;
-        of_linearised_steps.into_iter().filter(move |&(_, given)| other && given).map(|(key, _)| key)
+        Self::OF_BACKWARD_EULER.iter().filter(move |(_, given)| other && given(self)).map(|(key, _)| *key)
     }
+}
+
+fn surface_memory() -> f64 {
+    256.0
 }
 
 fn sampling_share() -> f64 {

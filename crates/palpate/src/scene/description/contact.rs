@@ -34,7 +34,7 @@ impl ContactMethod {
     }
 }
 
-/// What a contact does to whatever presses and slides. Step and tick use the same law.
+/// What a contact does to whatever presses and slides. Step and tick use the same law, and so do all bodies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ContactLawKind {
@@ -47,7 +47,7 @@ pub enum ContactLawKind {
     FacetedCoulomb,
     /// Friction of at most `limit`, however hard the contact is pressed.
     Tresca,
-    /// A normal force of at most `limit`, which then gives way, and no friction: puncture.
+    /// A normal force of at most `limit`, which then gives way, and no friction: puncture. Not beside fixed and rigid bodies.
     Threshold,
 }
 
@@ -128,6 +128,8 @@ impl ContactDescription {
         match self.law {
             ContactLawKind::Coulomb if friction > 0.0 => Coulomb { friction }.into(),
             ContactLawKind::Coulomb | ContactLawKind::Signorini => Signorini.into(),
+            // On a pair without friction: a checked scene has some.
+            ContactLawKind::FacetedCoulomb if friction == 0.0 => Signorini.into(),
             ContactLawKind::FacetedCoulomb => {
                 FacetedCoulomb { friction, facets: self.facets.unwrap_or_default() }.into()
             }

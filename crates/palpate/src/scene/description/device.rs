@@ -31,7 +31,7 @@ pub struct DeviceDescription {
     pub origin: [f64; 3],
     /// Which way the device's x, y and z point in the world, such as `["y", "-x", "z"]`; for hardware and `port`.
     pub axes: [Direction; 3],
-    /// Mass, damping, friction, encoder and delay of the virtual device.
+    /// Mass, damping, friction, encoder, delay and jitter of the virtual device.
     pub mechanics: VirtualDeviceConfig,
 }
 
@@ -55,7 +55,8 @@ impl DeviceDescription {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct HandDescription {
-    /// Published mass, damping and stiffness of a grip: `none`, `fingertip`, `stylus`, `arm` or `firm`.
+    /// Mass, damping and stiffness of a grip: `none`; a stylus held `loose`, `normal` or `firm`, as published; `fingertip`,
+    /// `stylus` or `arm`.
     pub preset: String,
     /// Times (s) and positions (m), joined by minimum-jerk motions. A real hand holds hardware: there the path may be
     /// left out, and the tool begins at the device's origin.

@@ -14,9 +14,10 @@ mod tool;
 
 use palpate_haptics::coupling::CouplingConfig;
 use palpate_haptics::limits::LimitsConfig;
+use palpate_haptics::passivity::PassivityConfig;
 use serde::{Deserialize, Serialize};
 
-pub use body::{BlockDescription, BodyDescription};
+pub use body::{BlockDescription, BodyDescription, IsGiven};
 pub use contact::{ContactDescription, ContactLawKind, ContactMethod};
 pub use device::{DeviceDescription, HandDescription};
 pub use event::EventDescription;
@@ -80,6 +81,9 @@ pub struct SceneDescription {
     /// Virtual coupling between device and tool; by default what suits the device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coupling: Option<CouplingConfig>,
+    /// Energy that the device may give out beyond what it took in.
+    #[serde(default)]
+    pub passivity: PassivityConfig,
     /// Limits of the force that reaches the device.
     #[serde(default)]
     pub limits: LimitsConfig,
@@ -110,12 +114,15 @@ impl Default for RatesDescription {
 }
 
 impl SceneDescription {
-    /// The files that shapes of fixed and rigid bodies name.
-    pub fn shape_files(&self) -> impl Iterator<Item = &str> {
+    /// The files that the scene reads, as it names them: meshes, images, shapes of bodies, and a recorded trace.
+    pub fn files(&self) -> impl Iterator<Item = &str> {
+        let bodies = self.bodies.iter().flat_map(|body| [&body.mesh, &body.image]);
+        let named = bodies.chain([&self.device.trace]).filter_map(Option::as_deref);
         let fixed = self.fixed_bodies.iter().map(|body| &body.shape);
-        fixed.chain(self.rigid_bodies.iter().map(|body| &body.shape)).filter_map(|shape| match shape {
+        let shapes = fixed.chain(self.rigid_bodies.iter().map(|body| &body.shape));
+        named.chain(shapes.filter_map(|shape| match shape {
             SolidShape::Mesh { file, .. } => Some(file.as_str()),
             _ => None,
-        })
+        }))
     }
 }

@@ -80,7 +80,8 @@ pub struct FixedBodyDescription {
     /// Its rotation: unit axis times angle (rad).
     #[serde(default)]
     pub rotation: [f64; 3],
-    /// Coefficient of Coulomb friction, in place of that of `[contact]`.
+    /// Coefficient of friction, in place of that of `[contact]`; for laws of friction by a coefficient only. With the tool
+    /// the geometric mean of the two holds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
     /// Largest number of contacts with each other body, in place of that of `[contact]`.
@@ -114,8 +115,8 @@ pub struct RigidBodyDescription {
     /// Angular velocity at the begin (rad/s), in the world's frame.
     #[serde(default)]
     pub angular_velocity: [f64; 3],
-    /// Coefficient of Coulomb friction, in place of that of `[contact]`. Where two of these bodies touch, the geometric
-    /// mean of theirs holds.
+    /// Coefficient of friction, in place of that of `[contact]`; for laws of friction by a coefficient only. Where two of
+    /// these bodies touch, or one and the tool, the geometric mean of both holds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction: Option<f64>,
     /// Largest number of contacts with each other body, in place of that of `[contact]`.

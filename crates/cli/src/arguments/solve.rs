@@ -1,0 +1,46 @@
+//! Arguments of `palpate solve`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::values::{count, positive, solver_names, tolerance};
+
+pub(super) const SOLVE_EXAMPLES: &str = "Examples:
+  palpate run block --lockstep --save-problems problems
+  palpate solve problems/step-000050-pass-00001.json --solver all
+  palpate solve problems/*.json --warm --solver gauss_seidel --json > runs.json
+  palpate solve friction.dat --tol 1e-10 --max-iter 500 --out solution.json
+
+Exit codes:
+    0  every problem was solved to the tolerance
+    2  a mistake in the command line or in a file; nothing was solved
+    6  a problem was not solved to the tolerance";
+
+#[derive(Debug, Args)]
+pub(crate) struct SolveArguments {
+    /// Problem files, as `palpate run --save-problems` writes them, or friction-contact and LCP texts of Siconos.
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
+    /// Solver, or `all`. With `all`, a problem counts as solved if one of them solves it.
+    #[arg(long, value_name = "NAME", default_value = "automatic", value_parser = solver_names())]
+    pub(crate) solver: String,
+    /// Residual to reach (natural map, relative to the violated gaps).
+    #[arg(long, value_name = "T", default_value = "1e-6", value_parser = tolerance, allow_negative_numbers = true)]
+    pub(crate) tol: f64,
+    /// Limit of iterations; the solver's own by default.
+    #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true)]
+    pub(crate) max_iter: Option<u32>,
+    /// Begin with the forces that the file holds (`start`, as `palpate run --save-problems` writes it) instead of none.
+    #[arg(long)]
+    pub(crate) warm: bool,
+    /// Limit of time for each solver and problem, in seconds.
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
+    pub(crate) time_limit: Option<f64>,
+    /// Print reports and residual histories as JSON, and nothing else on standard output.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Write forces and gaps of the best answer as JSON; for one FILE.
+    #[arg(long, value_name = "SOLUTION")]
+    pub(crate) out: Option<PathBuf>,
+}

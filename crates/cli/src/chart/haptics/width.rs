@@ -1,0 +1,173 @@
+//! Z-width: the stiffest coupling that holds in each scene, by its damping, the rate of the tissue and what the tick does.
+//!
+//! The virtual device with its friction, encoder and tick of delay, in the loosest hand that was measured, presses the scene's
+//! tissue as its path says within 0.4 s and stays. The passivity controller is off but where it is named. A coupling holds if the tissue does not fail, and over the last 0.4 s of
+//! 1.6 s the device stays within 0.1 mm of its mean.
+
+use miette::{Result, miette};
+use nalgebra::Vector3;
+use palpate::haptics::coupling::{CouplingConfig, Spring};
+use palpate::haptics::device::VirtualDevice;
+use palpate::haptics::hand::Hand;
+use palpate::haptics::rig::{Search, largest_stable};
+use palpate::haptics::script::HandScript;
+use palpate::prelude::*;
+
+use super::cases::in_parallel;
+use super::palpation::{Method, Palpation};
+use super::scenes::{Case, Use};
+use crate::chart::plot::{Axis, Mark, Panel, Series};
+use crate::chart::table::{Table, Value};
+use crate::chart::{NamedTable, Settings, Work};
+
+/// Who holds the device.
+const HAND: &str = "loose";
+
+/// Length of a trial (s), and of its end, where the device is to be at rest.
+const TRIAL: [f64; 2] = [1.6, 0.4];
+
+/// How far the device may be from its mean at rest (m).
+const AT_REST: f64 = 1e-4;
+
+/// What moves faster will not come to rest (m/s).
+const RUNAWAY: f64 = 2.0;
+
+/// What is measured at one rate by one method.
+#[derive(Clone, Copy, Debug)]
+struct Region {
+    case: Case,
+    method: Method,
+    /// Whether the passivity controller acts.
+    controlled: bool,
+    rate: f64,
+}
+
+/// The methods; the last is as good as it can be made.
+const METHODS: [(Method, bool); 4] =
+    [(Method::Local, false), (Method::Frozen, false), (Method::Held, false), (Method::Held, true)];
+
+impl Region {
+    /// Name of what the tick does.
+    fn method(&self) -> String {
+        let control = if self.controlled { ", passivity controlled" } else { "" };
+        format!("{}{control}", self.method.name())
+    }
+}
+
+/// Edges over the damping of the coupling; nodes of the body.
+struct Edges {
+    nodes: usize,
+    /// Damping (N s/m), and the stiffest coupling that holds (N/m); `None` where the softest that was tried does not.
+    edges: Vec<(f64, Option<f64>)>,
+}
+
+/// Measures all regions; the table and a panel for each scene and rate.
+pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<(NamedTable, Vec<Panel>)> {
+    let scenes: &[&str] = if settings.quick { &["block"] } else { &["block", "cut", "liver"] };
+    let rates: &[f64] = if settings.quick { &[10.0, 30.0] } else { &[10.0, 30.0, 100.0] };
+    let dampings: &[f64] = if settings.quick { &[0.0, 2.0] } else { &[0.0, 2.0, 5.0] };
+    let ratio = if settings.quick { 2.0 } else { 1.3 };
+    let search = Search { low: 25.0, high: 12_800.0, stride: 8.0, ratio };
+    let mut regions = Vec::new();
+    for &scene in scenes {
+        for &rate in rates {
+            let case = Case { scene, purpose: Use::Press, quick: settings.quick };
+            regions.extend(METHODS.map(|(method, controlled)| Region { case, method, controlled, rate }));
+        }
+    }
+    work.expect(regions.len());
+    let name = |region: &Region| format!("couplings, {}, {}, {} Hz", region.case.name(), region.method(), region.rate);
+    let found = in_parallel(&regions, work, name, |region| edges(region, dampings, &search, work))?;
+
+    let columns = [
+        "scene",
+        "nodes",
+        "tissue [Hz]",
+        "method",
+        "B of the coupling [N s/m]",
+        "stable up to K of the coupling [N/m]",
+    ];
+    let mut table = Table::new(&columns);
+    let mut panels: Vec<Panel> = Vec::new();
+    for (region, found) in regions.iter().zip(&found) {
+        let Some(found) = found else { continue };
+        for &(damping, edge) in &found.edges {
+            table.push(vec![
+                region.case.name().into(),
+                found.nodes.into(),
+                Value::Number(region.rate, 0),
+                region.method().into(),
+                Value::Number(damping, 1),
+                edge.map_or(Value::Number(0.0, 0), |edge| Value::Number(edge, 0)),
+            ]);
+        }
+        let points = found.edges.iter().filter_map(|&(damping, edge)| Some((damping, edge?))).collect();
+        let series = Series { name: region.method(), mark: Mark::Joined, points };
+        let title = format!("Stable couplings: {}, tissue at {} Hz", region.case.name(), region.rate);
+        match panels.iter_mut().find(|panel| panel.title == title) {
+            Some(panel) => panel.series.push(series),
+            None => panels.push(Panel {
+                title,
+                x: Axis::linear("damping of the coupling B [N s/m]"),
+                y: Axis::log("stable up to K [N/m]"),
+                series: vec![series],
+            }),
+        }
+    }
+    let title = format!(
+        "Stiffest stable coupling at 1 kHz in a {HAND} hand; 0: {} N/m is too stiff, {}: the stiffest that was tried; a force \
+         that is held for a step has a coupling at the tissue's rate",
+        search.low, search.high
+    );
+    Ok((NamedTable { file: "haptics_couplings", title, table }, panels))
+}
+
+fn edges(region: &Region, dampings: &[f64], search: &Search, work: &Work) -> Result<Edges> {
+    let world = region.case.world(region.method, region.rate, |scene| scene.hand.preset = HAND.into())?;
+    let mut edges = Vec::new();
+    for &damping in dampings {
+        let mut refused = None;
+        let edge = largest_stable(search, |stiffness| {
+            holds(&world, region, Spring { stiffness, damping }, work).unwrap_or_else(|error| {
+                refused = Some(error);
+                false
+            })
+        });
+        if let Some(error) = refused {
+            return Err(error);
+        }
+        edges.push((damping, edge));
+    }
+    Ok(Edges { nodes: world.mesh().nodes.len(), edges })
+}
+
+/// Whether a coupling holds.
+fn holds(world: &World, region: &Region, coupling: Spring, work: &Work) -> Result<bool> {
+    let (device, hand) = (&world.description().device, &world.description().hand);
+    let script = HandScript::new(hand.path.clone()).map_err(|e| miette!("{e}"))?;
+    let hand = Hand::preset(&hand.preset).map_err(|e| miette!("{e}"))?;
+    let device = VirtualDevice::new(device.mechanics, hand, script).map_err(|e| miette!("{e}"))?;
+    let mut palpation = Palpation::new(world, Box::new(device), |config| {
+        region.method.configure(region.rate, config);
+        config.passivity.control = region.controlled;
+        config.coupling = CouplingConfig { translation: coupling, rotation: None };
+    })?;
+    let period = region.method.period(region.rate);
+    let [ticks, last] = TRIAL.map(|seconds| (seconds / period).round() as usize);
+    let (mut rest, mut touched): (Vec<Vector3<f64>>, bool) = (Vec::with_capacity(last), false);
+    for k in 0..ticks {
+        let (record, _) = palpation.tick();
+        if palpation.has_failed() || record.device_velocity.linear.norm() > RUNAWAY || work.stopped() {
+            return Ok(false);
+        }
+        touched |= record.active > 0;
+        if k >= ticks - last {
+            rest.push(record.device_pose.translation.vector);
+        }
+    }
+    if !touched {
+        return Err(miette!("{}: the tool does not reach the tissue", region.case.name()));
+    }
+    let mean = rest.iter().sum::<Vector3<f64>>() / rest.len().max(1) as f64;
+    Ok(rest.iter().all(|place| (place - mean).norm() < AT_REST))
+}

@@ -1,0 +1,74 @@
+//! What a tick remembers.
+
+use nalgebra::{Isometry3, Vector3};
+
+use super::jump::JumpState;
+use super::patch::PatchMemory;
+use super::warm_start::WarmStart;
+use crate::coupling::CouplingState;
+use crate::limits::LimitsState;
+use crate::passivity::PassivityState;
+use crate::wrench::Twist;
+
+/// What a tick remembers: state.
+#[derive(Clone, Debug)]
+pub struct TickState {
+    pub(super) coupling: CouplingState,
+    pub(super) passivity: PassivityState,
+    pub(super) jump: JumpState,
+    pub(super) limits: LimitsState,
+    pub(super) warm_start: WarmStart,
+    /// For ticks on patches.
+    pub(super) patch: Option<PatchMemory>,
+    /// The step whose snapshot is in use.
+    pub(super) step: Option<u64>,
+    pub(super) age: f64,
+    /// Contact force of the snapshot that is about to be replaced, at the pose of this tick \[N\].
+    pub(super) outgoing: Option<Vector3<f64>>,
+    pub(super) device_pose: Isometry3<f64>,
+    pub(super) device_velocity: Twist,
+}
+
+impl TickState {
+    /// The state before the first tick, for snapshots of up to `max_contacts` contacts.
+    #[must_use]
+    pub fn new(max_contacts: usize) -> Self {
+        Self {
+            coupling: CouplingState::default(),
+            passivity: PassivityState::default(),
+            jump: JumpState::default(),
+            limits: LimitsState::default(),
+            warm_start: WarmStart::new(max_contacts),
+            patch: None,
+            step: None,
+            age: f64::INFINITY,
+            outgoing: None,
+            device_pose: Isometry3::identity(),
+            device_velocity: Twist::default(),
+        }
+    }
+
+    /// Takes the force off and forgets everything but the capacity.
+    pub fn reset(&mut self) {
+        self.cut();
+        self.passivity = PassivityState::default();
+        self.jump = JumpState::default();
+        self.warm_start.clear();
+        self.step = None;
+        self.age = f64::INFINITY;
+        self.outgoing = None;
+    }
+
+    /// Takes the force off at once, lets its return be a ramp, and forgets the stretch of the coupling.
+    pub(crate) fn cut(&mut self) {
+        self.coupling = CouplingState::default();
+        self.passivity.cut();
+        self.limits.cut();
+        self.forget_patch();
+    }
+
+    /// The next tick on a patch begins with the shape and the forces of the step.
+    pub(super) fn forget_patch(&mut self) {
+        self.patch.iter_mut().for_each(PatchMemory::forget);
+    }
+}

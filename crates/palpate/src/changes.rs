@@ -1,0 +1,69 @@
+//! The way of a change from outside to the step that takes it, and into the trace.
+
+use std::sync::mpsc::{SyncSender, sync_channel};
+
+use serde::{Deserialize, Serialize};
+
+use crate::step::{Prepared, StepState, StepWorkspace};
+use crate::world::{ChangeError, ChangeMaker, ChangeRequest, World};
+
+/// The end of whoever asks for changes. The other is in a step's workspace: each step takes what has come by its begin.
+pub(crate) struct ChangeQueue {
+    maker: ChangeMaker,
+    sender: SyncSender<Prepared>,
+}
+
+impl ChangeQueue {
+    /// A queue with room for all changes that the scene allows, to the steps with this workspace.
+    pub(crate) fn new(world: &World, ws: &mut StepWorkspace) -> Self {
+        let (sender, receiver) = sync_channel(world.changes_from_outside());
+        ws.take_changes_from(receiver);
+        Self { maker: ChangeMaker::new(world), sender }
+    }
+
+    /// Makes the changed body on this thread and sends it; what happens, in words. Takes the time of building a body: some
+    /// ten milliseconds per thousand nodes.
+    pub(crate) fn change(&mut self, world: &World, request: &ChangeRequest) -> Result<String, ChangeError> {
+        let change = self.maker.make(world, request)?;
+        let text = change.text().to_string();
+        // There is room for as many as the maker makes; only a step that is gone takes none.
+        self.sender.try_send(Prepared::new(change)).map_err(|_| ChangeError::NotRunning)?;
+        Ok(text)
+    }
+}
+
+/// A change from outside as it was taken.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TakenChange {
+    /// The first step with the changed body.
+    pub step: u64,
+    /// What was asked for.
+    pub request: ChangeRequest,
+}
+
+/// All changes of a run as a trace keeps them, in TOML.
+#[derive(Default, Serialize, Deserialize)]
+struct TakenChanges {
+    #[serde(default)]
+    change: Vec<TakenChange>,
+}
+
+/// The changes that a run has taken.
+pub(crate) fn taken(world: &World, state: &StepState) -> Vec<TakenChange> {
+    let all = state.outside(world);
+    all.filter_map(|(step, change)| Some(TakenChange { step, request: change.request()?.clone() })).collect()
+}
+
+/// As text for a trace; empty without changes.
+pub(crate) fn to_text(changes: &[TakenChange]) -> String {
+    if changes.is_empty() {
+        return String::new();
+    }
+    // Selections were read from TOML or could have been.
+    toml::to_string(&TakenChanges { change: changes.to_vec() }).unwrap_or_default()
+}
+
+/// From the text of a trace; `None` where it cannot be read.
+pub(crate) fn from_text(text: &str) -> Option<Vec<TakenChange>> {
+    toml::from_str::<TakenChanges>(text).ok().map(|changes| changes.change)
+}

@@ -1,0 +1,49 @@
+//! Bodies and tool as viewers of a trace draw them.
+
+use nalgebra::{Isometry3, Vector3};
+use palpate_collision::shape::ToolShape;
+use palpate_collision::solid::Solid;
+use palpate_constraints::frame::ContactFrame;
+use palpate_trace as trace;
+use palpate_trace::SolidGeometry;
+
+use crate::world::World;
+
+/// Side (m) of the square that a half-space is drawn as.
+const DRAWN_PLANE: f64 = 1.0;
+
+/// Fixed and rigid bodies as viewers draw them.
+pub(crate) fn solids(world: &World) -> Vec<SolidGeometry> {
+    let geometry = |name: &str, solid: &Solid, pose: &Isometry3<f64>, moves| {
+        let vertices = |all: &[Vector3<f64>]| all.iter().map(|v| [v.x, v.y, v.z]).collect();
+        let shape = match solid {
+            Solid::Convex(shape) => tool_shape(shape)?,
+            Solid::Mesh(mesh) => {
+                trace::ToolShape::Mesh { vertices: vertices(mesh.vertices()), triangles: mesh.triangles().to_vec() }
+            }
+            Solid::HalfSpace(normal) => {
+                let [t, s] = ContactFrame::new(*normal).tangents.map(|t| t * (0.5 * DRAWN_PLANE));
+                let corners = [-t - s, t - s, t + s, s - t];
+                trace::ToolShape::Mesh { vertices: vertices(&corners), triangles: vec![[0, 1, 2], [0, 2, 3]] }
+            }
+        };
+        let pose = (pose.translation.vector.into(), pose.rotation.coords.into());
+        Some(SolidGeometry { name: name.into(), shape, pose, moves })
+    };
+    let bodies = world.bodies();
+    let fixed = bodies.fixed.iter().map(|body| geometry(&body.name, &body.solid, &body.pose, false));
+    let rigid = bodies.rigid.iter().map(|body| geometry(&body.name, &body.solid, &body.shape_pose(&body.start), true));
+    fixed.chain(rigid).flatten().collect()
+}
+
+pub(crate) fn tool_shape(tool: &ToolShape) -> Option<trace::ToolShape> {
+    if let Some(hull) = tool.hull() {
+        let vertices = hull.vertices().iter().map(|v| [v.x, v.y, v.z]).collect();
+        return Some(trace::ToolShape::Mesh { vertices, triangles: hull.triangles().to_vec() });
+    }
+    let radius = tool.inner_radius();
+    match tool.axis(&Isometry3::identity()) {
+        Some([a, b]) if a != b => Some(trace::ToolShape::Capsule { a: a.into(), b: b.into(), radius }),
+        _ => Some(trace::ToolShape::Sphere { radius }),
+    }
+}

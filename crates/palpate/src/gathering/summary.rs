@@ -1,0 +1,79 @@
+//! The end of a run: what was gathered, summed up.
+
+use super::Gathering;
+use crate::record::TraceOutcome;
+use crate::summary::RunSummary;
+use crate::world::World;
+
+impl Gathering {
+    /// The summary; `wall` is the time the run took in real time (s).
+    pub(crate) fn summary(self, world: &World, wall: Option<f64>, trace: Option<TraceOutcome>) -> RunSummary {
+        let counts = self.counts();
+        let rate = |n: u64| wall.map_or(0.0, |w| n as f64 / w);
+        RunSummary {
+            scene: world.scene().name().into(),
+            mode: if wall.is_some() { "real time" } else { "lockstep" },
+            integrator: world.integration().to_string(),
+            contact: world.contact_method(),
+            law: world.description().contact.law_in_words(),
+            end: self.end,
+            simulated: self.time + 1.0 / world.description().rates.tick,
+            wall: wall.unwrap_or(0.0),
+            nodes: world.mesh().nodes.len(),
+            tetrahedra: world.mesh().tetrahedra.len(),
+            steps: counts[0],
+            factors: counts[1],
+            ticks: counts[2],
+            step_rate: rate(counts[0]),
+            factor_rate: rate(counts[1]),
+            tick_rate: rate(counts[2]),
+            step_work: self.step_work.percentiles(),
+            factor_work: self.factor_work.percentiles(),
+            tick_work: self.tick_work.percentiles(),
+            tick_latency: self.tick_latency.percentiles(),
+            step_overruns: self.step_overruns,
+            tick_overruns: self.tick_overruns,
+            factors_refused: self.factors_refused,
+            iterations: self.iterations.percentiles(),
+            factor_age: self.factor_age.percentiles(),
+            contacts: self.contacts.percentiles(),
+            body_contacts: self.body_contacts.percentiles(),
+            rigid_bodies: Vec::new(),
+            plan: world.plan().to_string(),
+            compliance_error: self.compliance_error.percentiles(),
+            compliance_errors: self.compliance_error.count(),
+            correction_iterations: self.correction_iterations.percentiles(),
+            overlap: self.overlap,
+            factors_early: self.early,
+            exact_steps: self.exact_steps,
+            rungs: self.rungs.into_iter().map(|(rung, steps)| (rung.name(), steps)).collect(),
+            climbs: self.climbs,
+            contacts_dropped: self.contacts_dropped,
+            worst_residual: self.worst_residual,
+            worst_tick_residual: self.worst_tick_residual,
+            fall_backs: self.fall_backs,
+            answered: self.answered,
+            shortened: self.shortened,
+            repeated: self.rescued[0],
+            held_open: self.rescued[1],
+            unsettled: self.unsettled,
+            filtered: self.filtered,
+            inverted: self.inverted,
+            largest_force: self.largest_force,
+            largest_jump: self.largest_jump,
+            events: self.changes,
+            outdated_steps: self.outdated,
+            force_jump: self.force_jump.percentiles(),
+            tick_method: world.tick_method(),
+            beyond_patch: self.beyond_patch,
+            patches_full: self.patches_full,
+            frozen_at_rigid: self.frozen_at_rigid,
+            impulse: self.impulse,
+            port: self.port,
+            records_missed: self.missed,
+            files: trace.iter().map(|t| t.path.clone()).collect(),
+            trace,
+            notes: self.notes,
+        }
+    }
+}

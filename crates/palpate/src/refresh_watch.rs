@@ -1,0 +1,54 @@
+//! When a factor is too old for what the tissue does, as the steps that use it tell.
+
+use crate::step::{FactorFit, StepReport};
+use crate::world::{LOWER_SHARE, Plan, Rung};
+
+/// Iterations of a step below which a factor is young enough, whatever it was before: two of them cost less than a tenth
+/// of a factorisation each.
+const FEW_ITERATIONS: usize = 12;
+
+/// Growth of the iterations since a factor came into use at which it is too old.
+const JUMP: usize = 2;
+
+/// Measured relative error of the compliance at which a factor is too old where the run has no ladder.
+const LARGEST_ERROR: f64 = 0.1;
+
+/// Watches the steps for a factor that ages faster than the factor rate expects.
+#[derive(Clone, Debug)]
+pub struct RefreshWatch {
+    epoch: Option<u64>,
+    /// Iterations of the first step with that factor.
+    iterations: usize,
+    /// Of the ladder.
+    accuracy: Option<f64>,
+}
+
+impl RefreshWatch {
+    /// A watch that holds the measured error of the compliance to a tenth, or on a ladder to its accuracy.
+    pub fn new(plan: &Plan) -> Self {
+        Self { epoch: None, iterations: 0, accuracy: plan.ladder.map(|ladder| ladder.accuracy) }
+    }
+
+    /// Measured error at which the factor of a step is too old. On a ladder early refreshes for the error's sake are a rung of
+    /// their own; on the lowest rungs the factor at hand has no part in the error, or does what it does at its rate.
+    fn largest_error(&self, rung: Option<Rung>) -> f64 {
+        match (rung, self.accuracy) {
+            (Some(Rung::Early), Some(accuracy)) => LOWER_SHARE * accuracy,
+            (Some(_), Some(_)) => f64::INFINITY,
+            _ => LARGEST_ERROR,
+        }
+    }
+
+    /// Whether the factor that this step used is too old: its iterations have doubled since it came into use, the
+    /// compliance from it is wrong, or it is of the body before an event. A function of the reports alone, so that runs in lockstep repeat it.
+    pub fn is_too_old(&mut self, report: &StepReport) -> bool {
+        let iterations = report.free_motion.iterations.max(report.error.correction_iterations as usize);
+        if self.epoch != Some(report.factor_epoch) {
+            (self.epoch, self.iterations) = (Some(report.factor_epoch), iterations);
+        }
+        let jumped = iterations > FEW_ITERATIONS && iterations > JUMP * self.iterations;
+        let wrong = report.error.measured().is_some_and(|error| error > self.largest_error(report.rung));
+        let of_another_body = matches!(report.change.factor, FactorFit::Updated | FactorFit::Outdated);
+        report.factor_age > 0.0 && (jumped || wrong) || of_another_body
+    }
+}

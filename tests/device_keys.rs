@@ -1,0 +1,22 @@
+//! Keys of a device that its kind does not read are refused, each by its own name and at its own place.
+
+mod block;
+
+use std::path::Path;
+
+use palpate::scene::{Scene, SceneError};
+
+use block::TOML;
+
+#[test]
+fn a_place_of_a_device_in_arithmetic_is_refused_by_the_key_that_was_given() {
+    let with = |line: &str| {
+        Scene::from_toml(&TOML.replace("kind = \"virtual\"", &format!("kind = \"virtual\"\n{line}")), Path::new(""))
+    };
+    assert!(with("").is_ok());
+    for (key, value) in [("origin", "[0, 0, 0.1]"), ("axes", "[\"y\", \"-x\", \"z\"]"), ("url", "\"ws://localhost\"")] {
+        let Err(SceneError::Invalid(error)) = with(&format!("{key} = {value}")) else { panic!("accepted: {key}") };
+        assert!(error.to_string().contains(&format!("`{key}` has no effect")), "{error}");
+        assert_eq!(&error.text[error.span.clone()], value, "{error}");
+    }
+}

@@ -1,0 +1,169 @@
+//! A stated accuracy is kept by the cheapest method that does: up when it is missed, down when the rung below would do.
+
+#![allow(clippy::print_stdout)] // measured numbers
+
+mod block;
+
+use block::{RADIUS, SKIN, record};
+use nalgebra::Isometry3;
+use palpate::constraints::compliance::ComplianceMethod;
+use palpate::prelude::*;
+use palpate::replay::replay;
+use palpate::scene::Refactor;
+use palpate::step::StepReport;
+use palpate::world::{CALM_STEPS, LOWER_SHARE, Rung};
+
+const ACCURACY: f64 = 0.1;
+
+/// The block with an accuracy to keep, and columns compared to the end.
+fn block(compliance: ComplianceMethod, change: impl FnOnce(&mut SceneDescription)) -> World {
+    block::world(|scene| {
+        let body = &mut scene.bodies[0];
+        (body.compliance, body.accuracy, body.error_sampling) = (compliance, Some(ACCURACY), 100.0);
+        change(scene);
+    })
+}
+
+/// The ball so far below the skin (m).
+fn at(depth: f64) -> Isometry3<f64> {
+    Isometry3::translation(0.033, 0.037, SKIN + RADIUS - depth)
+}
+
+/// Depths (m): touching lightly, pressed deep within a third of a second, held, let go.
+fn depth(k: u64) -> f64 {
+    match k {
+        0..20 => 0.0005,
+        20..30 => 0.0005 + 0.0012 * (k - 20) as f64,
+        30..70 => 0.0125,
+        70..75 => 0.0125 - 0.003 * (k - 70) as f64,
+        _ => -0.003,
+    }
+}
+
+const LENGTH: u64 = 140;
+
+fn steps(world: &World, depth: impl Fn(u64) -> f64) -> Vec<StepReport> {
+    let mut simulation = Simulation::new(world).unwrap().refresh_every(3).refresh_early();
+    (0..LENGTH).map(|k| simulation.step(&at(depth(k)))).collect()
+}
+
+fn rung(report: &StepReport) -> Rung {
+    report.rung.expect("there is a ladder")
+}
+
+#[test]
+fn a_deep_press_climbs_and_comes_down_after_it() {
+    let world = block(ComplianceMethod::Automatic, |_| ());
+    assert_eq!(world.plan().ladder.unwrap().rungs(), Rung::ALL);
+    let all = steps(&world, depth);
+    let line = |k: usize, r: &StepReport| {
+        println!(
+            "step {k:3}: {:20} error {:.4} below {:.4}",
+            rung(r).name(),
+            r.error.measured().unwrap_or(f64::NAN),
+            r.error.lower
+        );
+    };
+    (15..100).step_by(3).for_each(|k| line(k, &all[k]));
+    assert!(all[..20].iter().all(|r| rung(r) == Rung::Warped), "a light touch is left to the cheapest");
+    let highest = all.iter().map(rung).max().unwrap();
+    assert!(highest >= Rung::Early, "the press climbs, not only to {highest:?}");
+
+    // A step that misses the accuracy is followed by one a rung higher, and no other goes up: after the climb it is kept.
+    let mut missed = 0;
+    for (before, after) in all.iter().zip(&all[1..]) {
+        let misses = before.active > 0
+            && before.method != ComplianceMethod::Exact
+            && before.error.measured().is_some_and(|e| e > ACCURACY);
+        assert_eq!(rung(after) > rung(before), misses && rung(before) != Rung::Exact, "after step {}", before.step);
+        missed += usize::from(misses);
+    }
+    let climbed = all.iter().rposition(|r| r.active > 0 && r.error.measured().is_some_and(|e| e > ACCURACY)).unwrap();
+    println!("highest {highest:?}, {missed} steps missed the accuracy, the last is {climbed}");
+    assert!((2..=8).contains(&missed), "{missed}");
+
+    // Released, it comes down a rung every CALM_STEPS, and ends where it began.
+    let free = all.iter().rposition(|r| r.active > 0).unwrap();
+    let down = all.iter().skip(free).position(|r| rung(r) == Rung::Warped).unwrap();
+    assert!(down <= 3 * CALM_STEPS as usize + 1, "{down} steps after step {free}");
+    assert!(all[free + down..].iter().all(|r| rung(r) == Rung::Warped));
+}
+
+#[test]
+fn a_still_press_stays_on_the_cheapest_method() {
+    let world = block(ComplianceMethod::Automatic, |_| ());
+    let all = steps(&world, |_| 0.001);
+    assert!(all.iter().all(|r| rung(r) == Rung::Warped && r.rows.rows > 0));
+    assert!(all.iter().all(|r| r.method == ComplianceMethod::Warped));
+    let worst = all.iter().filter_map(|r| r.error.measured()).fold(0.0, f64::max);
+    println!("largest error {worst:.4}");
+    assert!(worst > 0.0 && worst <= ACCURACY, "{worst}");
+}
+
+/// What is told of the rung below is what that rung then has: at the step that goes down, and only while it is calm.
+#[test]
+fn the_error_of_the_rung_below_is_foretold() {
+    let world = block(ComplianceMethod::Automatic, |_| ());
+    // Pressed deep, and half way back: the first matrix would do again.
+    let all = steps(&world, |k| match k {
+        0..30 => 0.0005 * k as f64,
+        30..40 => 0.0145 - 0.0014 * (k - 30) as f64,
+        _ => 0.0005,
+    });
+    let mut descents = 0;
+    for (before, after) in all.iter().zip(&all[1..]).filter(|(a, b)| rung(b) < rung(a)) {
+        let measured = after.error.measured().unwrap();
+        println!("{:?} -> {:?}: foretold {:.4}, is {measured:.4}", rung(before), rung(after), before.error.lower);
+        assert!(before.error.lower <= LOWER_SHARE * ACCURACY);
+        assert!(measured <= ACCURACY, "step {}", after.step);
+        descents += 1;
+    }
+    assert!(descents >= 2, "{descents}");
+    assert_eq!(all.last().map(rung), Some(Rung::Warped));
+}
+
+#[test]
+fn a_named_method_is_the_lowest_rung_and_skin_without_room_is_left_to_half_solves() {
+    let rungs = |world: &World| world.plan().ladder.map(|ladder| ladder.rungs().to_vec());
+    let named = block(ComplianceMethod::Asynchronous, |_| ());
+    assert_eq!(rungs(&named), Some(vec![Rung::Asynchronous, Rung::Early, Rung::Exact]));
+    let warped = block(ComplianceMethod::Warped, |_| ());
+    assert_eq!(rungs(&warped), Some(vec![Rung::Warped, Rung::Exact]));
+    assert_eq!((warped.plan().refactor, warped.plan().has_factor_thread()), (Refactor::Once, false));
+    assert_eq!(rungs(&block(ComplianceMethod::Exact, |_| ())), None);
+    let tight = block(ComplianceMethod::Automatic, |scene| scene.bodies[0].surface_memory = 0.01);
+    assert_eq!(rungs(&tight), Some(vec![Rung::Asynchronous, Rung::Early, Rung::Exact]));
+    let text = tight.plan().to_string();
+    assert!(text.contains("`surface_memory`") && text.contains("MB"), "it says why and what to do: {text}");
+    let wide = block(ComplianceMethod::Automatic, |_| ()).plan().precomputed.unwrap();
+    assert!(wide.fits() && wide.bytes == wide.nodes * (wide.nodes + 1) / 2 * 36, "{wide:?}");
+
+    // The same press on warped alone: exact steps where it misses.
+    let all = steps(&warped, depth);
+    assert!(all.iter().any(|r| rung(r) == Rung::Exact) && rung(&all[LENGTH as usize - 1]) == Rung::Warped);
+    assert!(all.iter().all(|r| matches!(rung(r), Rung::Warped | Rung::Exact)));
+}
+
+#[test]
+fn a_run_on_a_ladder_repeats_to_the_bit_on_any_number_of_threads_and_replays() {
+    let folder = tempfile::tempdir().unwrap();
+    let trace = folder.path().join("ladder.mcap");
+    let world = block(ComplianceMethod::Automatic, |scene| scene.bodies[0].accuracy = Some(0.03));
+    let run = |threads, trace| {
+        let (length, threads) = (Length::Seconds(1.2), Some(threads));
+        let (outcome, recorder) =
+            record(&world, &RunOptions { length, lockstep: true, threads, trace, ..RunOptions::default() });
+        (outcome.state.q, recorder.forces(), outcome.summary)
+    };
+    let one = run(1, Some(trace.clone()));
+    let other = run(3, None);
+    assert!(one.0 == other.0 && one.1 == other.1);
+    println!("{:?}, {} climbs", one.2.rungs, one.2.climbs);
+    assert!(one.2.rungs.len() >= 2 && one.2.climbs > 0, "{:?}", one.2.rungs);
+    assert!(replay(&trace).unwrap().is_identical());
+    let trace = palpate::trace::Trace::load(&trace).unwrap();
+    let highest = trace.steps.iter().map(|s| s.rung).max().unwrap();
+    let highest_in_summary = one.2.rungs.last().unwrap().0;
+    assert_eq!(Rung::ALL[highest as usize].name(), highest_in_summary);
+    assert!(trace.steps.iter().any(|s| s.lower_error > 0.0));
+}
