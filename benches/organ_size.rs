@@ -1,7 +1,8 @@
 //! The bundled palpation (frictional, hyperelastic) by size of the organ: what a step costs, what it is made of, how far
 //! its force is from that of exact steps, and the largest organ that a step at 30 Hz has time for.
 //!
-//! `cargo bench --bench organ_size [-- NODES...]`: about as many nodes; without, 1,000 to 8,000. The factor is made ten
+//! `cargo bench --bench organ_size [-- NODES... tolerance=T]`: about as many nodes, without 1,000 to 8,000, and the relative
+//! residual of the free motion and the correction. The factor is made ten
 //! times a second by the caller between steps as the factor thread makes it beside them. Times are those of the
 //! processor on one thread, which other work on the machine disturbs least.
 
@@ -16,7 +17,7 @@ use palpate::step::{StepReport, StepTimes};
 use palpate::world::World;
 
 mod organ;
-use organ::{liver, measuring, pool};
+use organ::{liver, measuring, pool, traffic};
 
 /// About as many nodes, unless the command line names others.
 const NODES: [f64; 4] = [1000.0, 2000.0, 4000.0, 8000.0];
@@ -64,9 +65,10 @@ fn play(world: &World, steps: usize) -> Vec<(StepReport, f64)> {
         .collect()
 }
 
-fn world(cell: f64, method: ComplianceMethod) -> World {
+fn world(cell: f64, method: ComplianceMethod, tolerance: Option<f64>) -> World {
     liver(cell, |scene| {
         scene.bodies[0].compliance = method;
+        scene.bodies[0].tolerance = tolerance.unwrap_or(scene.bodies[0].tolerance);
         // its comparison of columns takes whatever time it is granted
         scene.bodies[0].error_sampling = 0.0;
     })
@@ -84,20 +86,18 @@ struct Line {
     slowest: f64,
 }
 
-fn measure(nodes: f64, steps: usize) -> Line {
+fn measure(nodes: f64, steps: usize, tolerance: Option<f64>) -> Line {
     let cell = CELL * (1500.0 / nodes).cbrt();
-    let world = world(cell, ComplianceMethod::Asynchronous);
+    let world = world(cell, ComplianceMethod::Asynchronous, tolerance);
     let runs = play(&world, steps);
-    let exact = play(&self::world(cell, ComplianceMethod::Exact), steps);
+    let exact = play(&self::world(cell, ComplianceMethod::Exact, None), steps);
     let force = |run: &[(StepReport, f64)]| run.iter().map(|(report, _)| report.force).collect::<Vec<Vector3<f64>>>();
     let (forces, exact) = (force(&runs), force(&exact));
     let largest = exact.iter().map(Vector3::norm).fold(0.0, f64::max);
     let errors: Vec<f64> = forces.iter().zip(&exact).map(|(f, e)| 100.0 * (f - e).norm() / largest).collect();
 
-    let of = |part: fn(&StepTimes) -> f64| {
-        let sum = |f: &dyn Fn(&StepTimes) -> f64| runs.iter().map(|(report, _)| f(&report.times)).sum::<f64>();
-        100.0 * sum(&part) / sum(&|t| t.total)
-    };
+    let of =
+        |part: fn(&StepTimes) -> f64| 1e3 * quantile(runs.iter().map(|(report, _)| part(&report.times)).collect(), 0.5);
     let iterations = |run: &[(StepReport, f64)], of: fn(&StepReport) -> f64| -> Vec<f64> {
         run.iter().map(|(report, _)| of(report)).collect()
     };
@@ -110,23 +110,27 @@ fn measure(nodes: f64, steps: usize) -> Line {
         slowest: quantile(times, 0.99),
     };
     println!(
-        "{:>6} {:>9.2} {:>7.2} | {:>5.0} {:>5.0} {:>5.0} {:>5.0} {:>5.0} | {:>4.0} {:>4.0} {:>4.0} {:>4.0} | {:>6.3} {:>6.3} | {:>8.1}",
+        "{:>6} {:>7.2} {:>7.2} | {:>6.2} {:>6.2} {:>6.2} {:>6.2} {:>6.2} {:>6.2} {:>6.2} | {:>3.0} {:>3.0} {:>4.0} {:>3.0} | {:>4.0} {:>6.3} {:>6.3} | {:>6.1}",
         line.nodes,
         line.median,
         line.slowest,
         of(|t| t.assembly),
         of(|t| t.free_motion),
+        of(|t| t.detection),
         of(|t| t.compliance),
+        of(|t| t.solve),
         of(|t| t.correction),
-        of(|t| t.detection + t.solve + t.sampling + t.hand_over),
+        of(|t| t.sampling + t.hand_over),
         quantile(free.clone(), 0.5),
         quantile(free, 1.0),
         quantile(correction.clone(), 0.5),
         quantile(correction, 1.0),
+        quantile(iterations(&runs, |r| r.compliance.rows as f64), 0.5),
         quantile(errors.clone(), 0.5),
         quantile(errors, 1.0),
         1e3 * world.plan().factorization,
     );
+    traffic::print(&world);
     line
 }
 
@@ -143,19 +147,20 @@ fn fit(lines: &[Line], time: fn(&Line) -> f64) -> (f64, f64) {
 
 fn main() {
     let named: Vec<f64> = std::env::args().filter_map(|argument| argument.parse().ok()).collect();
+    let tolerance = std::env::args().find_map(|argument| argument.strip_prefix("tolerance=")?.parse().ok());
     let (sizes, steps) = match (measuring(), named.is_empty()) {
         (false, _) => (vec![600.0, 900.0], 8),
         (true, true) => (NODES.to_vec(), usize::MAX),
         (true, false) => (named, usize::MAX),
     };
     println!(
-        "step (cpu ms)             | share of the step (%)         | iterations          | force error %   | factor"
+        "step (cpu ms)          | medians of its stages (wall ms)                         | iterations       | rows | force error % | factor"
     );
     println!(
-        " nodes    median     p99 | assem  free     W  corr other | free  max corr  max | median    max | predicted ms"
+        " nodes  median     p99 |  assem   free  touch      W  solve   corr   hand | free max corr max |    median    max | predicted ms"
     );
     pool(1).install(|| {
-        let lines: Vec<Line> = sizes.iter().map(|&nodes| measure(nodes, steps)).collect();
+        let lines: Vec<Line> = sizes.iter().map(|&nodes| measure(nodes, steps, tolerance)).collect();
         if lines.len() > 1 {
             let (_, exponent) = fit(&lines, |line| line.median);
             let (a, e) = fit(&lines, |line| line.slowest);

@@ -2,6 +2,7 @@
 #![allow(dead_code)] // every bench is a program of its own and uses a part of this
 
 pub(crate) mod patch;
+pub(crate) mod traffic;
 
 use std::time::{Duration, Instant};
 

@@ -86,6 +86,11 @@ pub trait InverseRows {
 
     /// `x = A⁻¹ Hᵀ λ`, with the rows of the latest `compliance_into` on this workspace; false where that does not fit.
     fn correct(&self, lambda: &[f64], x: &mut [f64], ws: &mut Self::Workspace) -> bool;
+
+    /// As [`Self::correct`], as roughly as a first guess of an iteration may be.
+    fn guess(&self, lambda: &[f64], x: &mut [f64], ws: &mut Self::Workspace) -> bool {
+        self.correct(lambda, x, ws)
+    }
 }
 
 impl InverseRows for Factor {
@@ -104,6 +109,10 @@ impl InverseRows for Factor {
     fn correct(&self, lambda: &[f64], x: &mut [f64], ws: &mut ReachWorkspace) -> bool {
         Factor::correct(self, lambda, x, ws).is_ok()
     }
+
+    fn guess(&self, lambda: &[f64], x: &mut [f64], ws: &mut ReachWorkspace) -> bool {
+        self.guess_correction(lambda, x, ws).is_ok()
+    }
 }
 
 impl<T: InverseRows> InverseRows for &T {
@@ -115,6 +124,10 @@ impl<T: InverseRows> InverseRows for &T {
 
     fn correct(&self, lambda: &[f64], x: &mut [f64], ws: &mut T::Workspace) -> bool {
         T::correct(self, lambda, x, ws)
+    }
+
+    fn guess(&self, lambda: &[f64], x: &mut [f64], ws: &mut T::Workspace) -> bool {
+        (**self).guess(lambda, x, ws)
     }
 }
 
@@ -246,7 +259,25 @@ pub fn correct<I: InverseRows>(
     delta_v: &mut [f64],
     ws: &mut ComplianceWorkspace<I::Workspace>,
 ) -> bool {
-    if !system.inverse.correct(lambda, delta_v, &mut ws.inverse) {
+    let found = system.inverse.correct(lambda, delta_v, &mut ws.inverse);
+    finish(system, dt, found, delta_v)
+}
+
+/// As [`correct`], for an exact correction that begins there: by a copy of the inverse in single precision where it has one.
+pub fn guess<I: InverseRows>(
+    system: WarpedInverse<'_, I>,
+    lambda: &[f64],
+    dt: f64,
+    delta_v: &mut [f64],
+    ws: &mut ComplianceWorkspace<I::Workspace>,
+) -> bool {
+    let found = system.inverse.guess(lambda, delta_v, &mut ws.inverse);
+    finish(system, dt, found, delta_v)
+}
+
+/// Turns `A₀⁻¹ Hᵀ λ` where it was found into `h R A₀⁻¹ Hᵀ λ`.
+fn finish<I>(system: WarpedInverse<'_, I>, dt: f64, found: bool, delta_v: &mut [f64]) -> bool {
+    if !found {
         delta_v.fill(0.0);
         return false;
     }

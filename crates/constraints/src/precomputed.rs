@@ -1,7 +1,7 @@
 //! The inverse of a soft body: its factor, and what was precomputed from it where that serves.
 
 use nalgebra::DMatrixViewMut;
-use palpate_fem::factor::{Factor, ReachWorkspace, SolveWorkspace};
+use palpate_fem::factor::{Factor, ReachWorkspace, SolveStatus, SolveWorkspace};
 use palpate_fem::nodal_rows::NodalRows;
 
 use crate::compliance::InverseRows;
@@ -73,9 +73,30 @@ impl InverseRows for PrecomputedInverse<'_> {
 
     /// After gathering by one solve with the factor, else from the half solves.
     fn correct(&self, lambda: &[f64], x: &mut [f64], ws: &mut PrecomputedWorkspace) -> bool {
-        let Some(revision) = ws.gathered else {
-            return InverseRows::correct(self.factor, lambda, x, &mut ws.reach);
-        };
+        match ws.gathered {
+            Some(revision) => self.solve(revision, Factor::solve, lambda, x, ws),
+            None => InverseRows::correct(self.factor, lambda, x, &mut ws.reach),
+        }
+    }
+
+    fn guess(&self, lambda: &[f64], x: &mut [f64], ws: &mut PrecomputedWorkspace) -> bool {
+        match ws.gathered {
+            Some(revision) => self.solve(revision, Factor::precondition, lambda, x, ws),
+            None => InverseRows::guess(self.factor, lambda, x, &mut ws.reach),
+        }
+    }
+}
+
+impl PrecomputedInverse<'_> {
+    /// `x = A⁻¹ Hᵀ λ` for the rows that were gathered, by one of the factor's solves.
+    fn solve(
+        &self,
+        revision: u64,
+        solve: fn(&Factor, &mut [f64], &mut SolveWorkspace) -> SolveStatus,
+        lambda: &[f64],
+        x: &mut [f64],
+        ws: &mut PrecomputedWorkspace,
+    ) -> bool {
         let Some(rows) = ws.gather.as_ref().map(GatherWorkspace::rows) else { return false };
         let fits = lambda.len() == rows.len() && x.len() == self.factor.symbolic().degrees_of_freedom();
         if !fits || revision != self.factor.revision() {
@@ -83,6 +104,6 @@ impl InverseRows for PrecomputedInverse<'_> {
         }
         x.fill(0.0);
         rows.add_transposed(lambda, x);
-        self.factor.solve(x, &mut ws.solve).is_ok()
+        solve(self.factor, x, &mut ws.solve).is_ok()
     }
 }

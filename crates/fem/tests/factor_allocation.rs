@@ -38,6 +38,7 @@ fn run_paths_allocate_nothing() {
     let rotations = vec![Matrix3::identity(); n];
     let mut w = DMatrix::zeros(90, 90);
     let mut reach = ReachWorkspace::new(&symbolic, 90);
+    let mut nodal = ReachWorkspace::new(&symbolic, 90).keeping_nodes(&symbolic);
     let mut solve = SolveWorkspace::with_columns(&symbolic, 4);
     let mut iteration = PcgWorkspace::new(n);
     let mut jacobi = BlockJacobi::new(n);
@@ -67,7 +68,9 @@ fn run_paths_allocate_nothing() {
                     let rows = &rows[k % 3];
                     let m = rows.len();
                     let report = factor.compliance_into(rows, 1e-3, w.view_mut((0, 0), (m, m)), &mut reach);
-                    let corrected = factor.correct(&lambda[..m], &mut x, &mut reach).is_ok();
+                    let by_nodes = factor.compliance_into(rows, 1e-3, w.view_mut((0, 0), (m, m)), &mut nodal);
+                    let corrected = factor.correct(&lambda[..m], &mut x, &mut reach).is_ok()
+                        && factor.guess_correction(&lambda[..m], &mut x, &mut nodal).is_ok();
                     let mut warped =
                         WarpedPreconditioner { factor: &factor, rotations: &rotations, workspace: &mut solve };
                     let warped = pcg(a, &b, &mut x, &mut warped, PcgConfig::default(), &mut iteration);
@@ -79,6 +82,7 @@ fn run_paths_allocate_nothing() {
                     let jacobi = pcg(a, &b, &mut x, &mut jacobi, PcgConfig::default(), &mut iteration);
                     statuses == [true; 9]
                         && report.status == ReachStatus::Ok
+                        && by_nodes.status == ReachStatus::Ok
                         && corrected
                         && warped.status == PcgStatus::Converged
                         && plain.status == PcgStatus::Converged

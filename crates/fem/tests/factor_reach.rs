@@ -2,9 +2,13 @@
 
 mod factor_bodies;
 
+use std::sync::Arc;
+
 use factor_bodies::{Body, Random, dense, dense_rows, factored, relative_difference};
 use nalgebra::{DMatrix, Vector3};
-use palpate_fem::factor::{FactorStatus, ReachStatus, ReachWorkspace, SolveStatus, SolveWorkspace};
+use palpate_fem::factor::{
+    Factor, FactorStatus, ReachStatus, ReachWorkspace, SolveStatus, SolveWorkspace, SymbolicFactor,
+};
 use palpate_fem::nodal_rows::NodalRows;
 
 #[test]
@@ -156,4 +160,85 @@ fn many_rows_are_exact_and_have_the_same_bits_on_any_number_of_threads() {
         results[0].0[(1, 0)] += f64::EPSILON * results[0].0[(1, 0)].abs().max(1e-300);
         assert!(results[1] != results[0], "the comparison sees one bit");
     }
+}
+
+/// Three unit rows for each node.
+fn unit_rows(nodes: &[u32]) -> NodalRows {
+    let mut rows = NodalRows::with_capacity(3 * nodes.len(), 1);
+    nodes.iter().for_each(|&node| (0..3).for_each(|k| rows.push_row([(node, Vector3::ith(k, 1.0))])));
+    rows
+}
+
+/// Contacts, the nodes around them, the same again, more than there is room for beside them, one row of three new nodes and
+/// one of none, contacts elsewhere.
+fn rows_of_some_steps(body: &Body) -> [NodalRows; 6] {
+    let some: Vec<u32> = (0..60).map(|k| 7 * k).collect();
+    let mut alone = NodalRows::with_capacity(2, 3);
+    alone.push_row([(3, Vector3::x()), (40, Vector3::y()), (80, Vector3::z())]);
+    alone.push_row([]);
+    let contacts = body.contact_rows(30, 31);
+    [contacts.clone(), unit_rows(&some[..20]), contacts, unit_rows(&some), alone, body.scattered_contact_rows(20, 32)]
+}
+
+#[test]
+fn compliance_by_kept_nodes_is_that_by_rows_whatever_came_before() {
+    let body = Body::block([9, 8, 7], 30);
+    let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
+    let mut factor = Factor::with_single_precision_copy(symbolic.clone());
+    let mut kept = ReachWorkspace::new(&symbolic, 240).keeping_nodes(&symbolic);
+    let mut plain = ReachWorkspace::new(&symbolic, 240);
+    let sequence = rows_of_some_steps(&body);
+    let mut by_nodes = 0;
+    for seed in [33, 34] {
+        assert_eq!(factor.refactor(&body.system(seed)).status, FactorStatus::Ok);
+        for (k, rows) in sequence.iter().chain(&sequence).enumerate() {
+            let m = rows.len();
+            let (mut w, mut expected) = (DMatrix::zeros(m, m), DMatrix::zeros(m, m));
+            let report = factor.compliance_into(rows, 2.0, &mut w, &mut kept);
+            assert_eq!((report.status, report.rows), (ReachStatus::Ok, m));
+            assert_eq!(factor.compliance_into(rows, 2.0, &mut expected, &mut plain).status, ReachStatus::Ok);
+            assert_eq!(w, w.transpose(), "symmetric to the bit");
+            let difference = (&w - &expected).amax() / expected.amax();
+            assert!(difference < 1e-12, "rows {k}: {difference:e}");
+            // by another way the last digits are others
+            by_nodes += usize::from(w != expected);
+            let lambda = Random(35).vector(m);
+            let [mut x, mut y, mut z] = [(); 3].map(|()| vec![0.0; 3 * body.free_nodes()]);
+            assert!(factor.correct(&lambda, &mut x, &mut kept).is_ok());
+            assert!(factor.correct(&lambda, &mut y, &mut plain).is_ok());
+            assert!(factor.guess_correction(&lambda, &mut z, &mut kept).is_ok());
+            assert!(relative_difference(&x, &y) < 1e-12, "rows {k}");
+            // rounding of L by 6e-8, times the condition of A of some 1e3; and it is the copy that was used
+            let rough = relative_difference(&z, &y);
+            assert!((1e-12..2e-5).contains(&rough), "rows {k}: {rough:e}");
+        }
+    }
+    // not the row of three nodes, nor scattered contacts that touch more nodes than they have rows
+    assert!(by_nodes >= 8, "{by_nodes} of 24");
+    // a failed compliance leaves nothing that a correction would use
+    let unknown = unit_rows(&[body.free_nodes() as u32]);
+    let status = factor.compliance_into(&unknown, 1.0, &mut DMatrix::zeros(3, 3), &mut kept).status;
+    assert_eq!(status, ReachStatus::UnknownNode { node: body.free_nodes() as u32 });
+    assert_eq!(factor.correct(&[0.0; 3], &mut vec![0.0; 3 * body.free_nodes()], &mut kept), SolveStatus::OtherFactor);
+}
+
+#[test]
+fn kept_nodes_have_the_same_bits_on_any_number_of_threads() {
+    let body = Body::block([9, 8, 7], 36);
+    let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
+    let factor = factored(&body, &body.system(37));
+    let bits = |threads: usize| {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+            let mut kept = ReachWorkspace::new(&symbolic, 240).keeping_nodes(&symbolic);
+            let mut bits = Vec::new();
+            for rows in &rows_of_some_steps(&body) {
+                let mut w = DMatrix::zeros(rows.len(), rows.len());
+                assert_eq!(factor.compliance_into(rows, 2.0, &mut w, &mut kept).status, ReachStatus::Ok);
+                bits.extend(w.iter().map(|w| w.to_bits()));
+            }
+            bits
+        })
+    };
+    let one = bits(1);
+    assert!([2, 4].into_iter().all(|threads| bits(threads) == one));
 }

@@ -5,7 +5,10 @@ use std::time::Instant;
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use miette::{Report, Result};
 use palpate::constraints::compliance::ComplianceMethod;
-use palpate::fem::factor::{Factor, FactorStatus, SolveWorkspace};
+use palpate::fem::factor::{
+    ChangeStatus, Factor, FactorStatus, MatrixChange, SolveWorkspace, SymbolicFactor, UpdateStatus,
+};
+use palpate::fem::sparse::SystemMatrix;
 use palpate::scene::{IntegratorKind, Refactor, Scene};
 use palpate::simulation::Simulation;
 use palpate::step::StepTimes;
@@ -38,6 +41,8 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
     let plan = world.plan();
     row(factorization(&world), Some(plan.factorization), Some(here.factorization));
     row("one solve with the factor", Some(plan.solve), Some(here.solve));
+    row("one solve in single precision, as a preconditioner", None, Some(here.precondition));
+    row("the factor follows a change of one node", Some(plan.change_of_node()), here.change_of_node);
     if let Some(t) = &measured {
         for (name, time) in [
             ("assembly", t.assembly),
@@ -100,22 +105,48 @@ fn factorization(world: &World) -> &'static str {
 struct FactorTimes {
     factorization: f64,
     solve: f64,
+    precondition: f64,
+    /// For one node of [`CHANGED`]; none where a factor cannot be changed so.
+    change_of_node: Option<f64>,
 }
+
+/// Nodes that are held fast to measure what a change costs.
+const CHANGED: usize = 12;
 
 impl FactorTimes {
     /// Medians with the matrix of a step.
     fn measure(world: &World, simulation: &mut Simulation<'_>) -> Result<Self> {
         simulation.step(&world.first_pose());
         let system = &simulation.workspace().fem.system;
-        let mut factor = Factor::new(Arc::clone(world.symbolic()));
+        let mut factor = Factor::with_single_precision_copy(Arc::clone(world.symbolic()));
         if factor.refactor(system).status != FactorStatus::Ok {
             return Err(Report::msg("the matrix of the first step cannot be factored"));
         }
         let mut workspace = SolveWorkspace::new(world.symbolic());
         let mut x = simulation.workspace().fem.rhs.clone();
         let solve = median(|| _ = factor.solve(&mut x, &mut workspace));
-        Ok(Self { factorization: median(|| _ = factor.refactor(system)), solve })
+        let precondition = median(|| _ = factor.precondition(&mut x, &mut workspace));
+        let change_of_node = change_of_node(world, system);
+        Ok(Self { factorization: median(|| _ = factor.refactor(system)), solve, precondition, change_of_node })
     }
+}
+
+/// Time (s) in which a factor follows a change of one of some nodes that lie scattered in the body.
+fn change_of_node(world: &World, system: &SystemMatrix) -> Option<f64> {
+    let (model, nodes) = (world.model(), world.model().free_nodes());
+    let positions: Vec<_> = model.node_of_free().iter().map(|&node| world.mesh().nodes[node as usize]).collect();
+    let symbolic = SymbolicFactor::new(model.pattern(), &positions).ok()?.with_room_for_changes(CHANGED);
+    let mut factor = Factor::new(Arc::new(symbolic));
+    let mut change = MatrixChange::with_capacity(nodes, CHANGED);
+    let apart = nodes.div_ceil(CHANGED);
+    let held: Vec<bool> = (0..nodes).map(|k| k % apart == 0).collect();
+    let changed = change.between(system, system, &held) == ChangeStatus::Ok && !change.is_empty();
+    if !changed || factor.refactor(system).status != FactorStatus::Ok {
+        return None;
+    }
+    let mut followed = true;
+    let time = median(|| followed &= factor.change(&change) == UpdateStatus::Ok);
+    followed.then_some(time / change.nodes().len() as f64)
 }
 
 /// Median time of `work` (s).

@@ -74,7 +74,7 @@ fn rows_of_blocks(blocks: &[HalfBlock], column: &HalfBlock, size: usize, gram: M
 }
 
 /// The scalar products of the rows of two blocks; of a block with itself, the lower triangle.
-fn product(row: &HalfBlock, column: &HalfBlock, mut gram: MatMut<'_, f64>) {
+pub(super) fn product(row: &HalfBlock, column: &HalfBlock, mut gram: MatMut<'_, f64>) {
     gram.fill(0.0);
     let mut group = Group::default();
     for &s in &column.reached {

@@ -15,12 +15,14 @@
 mod arena;
 mod change;
 mod column_kernels;
+mod correct;
 mod front;
 mod gram;
 mod half_block;
 mod left_looking;
 mod low_rank;
 mod multifrontal;
+mod nodal_compliance;
 mod numeric;
 mod packed;
 mod packed_fronts;

@@ -11,10 +11,8 @@ use nalgebra::DMatrixViewMut;
 
 use super::half_block::{BLOCK_ROWS, HalfBlock, INACTIVE};
 use super::low_rank::{scratch_of_compliance, scratch_of_solve};
+use super::nodal_compliance::NodalCompliance;
 use super::numeric::Factor;
-use super::packed_fronts;
-use super::solve::{SolveStatus, permute_back};
-use super::substitution;
 use super::symbolic::SymbolicFactor;
 use super::workers::join;
 use crate::nodal_rows::NodalRows;
@@ -64,16 +62,20 @@ pub struct ReachWorkspace {
     /// First supernode that each row reaches, and the rows sorted by it.
     first: Vec<u32>,
     pub(super) sorted: Vec<u32>,
-    lambda: Vec<f64>,
-    permuted: Vec<f64>,
+    pub(super) lambda: Vec<f64>,
+    pub(super) permuted: Vec<f64>,
     /// Rows below each front, or all rows of each front as they are packed, for the correction.
-    front_rows: Vec<f64>,
+    pub(super) front_rows: Vec<f64>,
     /// For the part of a change since the factorisation.
-    change: Vec<f64>,
+    pub(super) change: Vec<f64>,
     widest_pattern: usize,
     pub(super) rows: usize,
     /// Revision of the factor that the half solves are of; zero while there is none.
     pub(super) revision: u64,
+    /// Half solves of nodes, where they are kept.
+    pub(super) nodal: Option<Box<NodalCompliance>>,
+    /// Whether the last compliance came from them.
+    pub(super) by_nodes: bool,
 }
 
 impl ReachWorkspace {
@@ -95,7 +97,17 @@ impl ReachWorkspace {
             change: vec![0.0; change_scratch(symbolic, max_rows)],
             rows: 0,
             revision: 0,
+            nodal: None,
+            by_nodes: false,
         }
+    }
+
+    /// Keeps the half solves of nodes from one compliance to the next with the same factor, for rows that touch the same few
+    /// nodes again and again.
+    #[must_use]
+    pub fn keeping_nodes(mut self, symbolic: &SymbolicFactor) -> Self {
+        self.nodal = Some(Box::new(NodalCompliance::new(symbolic, self.max_rows)));
+        self
     }
 
     /// The most rows that a half solve takes.
@@ -124,15 +136,14 @@ impl ReachWorkspace {
         self.sorted.sort_unstable_by_key(|&r| (first[r as usize], r));
         Ok(())
     }
+}
 
-    /// Supernodes, and degrees of freedom, on the union of the paths of all rows.
-    fn reached(&self, symbolic: &SymbolicFactor) -> (usize, usize) {
-        let blocks = &self.blocks[..self.used];
-        let on_a_path = |s: &usize| blocks.iter().any(|block| block.active[*s] != INACTIVE);
-        (0..symbolic.supernode_count())
-            .filter(on_a_path)
-            .fold((0, 0), |(count, columns), s| (count + 1, columns + symbolic.tree().columns(s).len()))
-    }
+/// Supernodes, and degrees of freedom, on the union of the paths of all rows.
+fn reached(blocks: &[HalfBlock], symbolic: &SymbolicFactor) -> (usize, usize) {
+    let on_a_path = |s: &usize| blocks.iter().any(|block| block.active[*s] != INACTIVE);
+    (0..symbolic.supernode_count())
+        .filter(on_a_path)
+        .fold((0, 0), |(count, columns), s| (count + 1, columns + symbolic.tree().columns(s).len()))
 }
 
 /// Rows in each block where `rows` are spread evenly over as few blocks as hold them.
@@ -162,9 +173,13 @@ impl Factor {
     pub fn half_solve(&self, rows: &NodalRows, workspace: &mut ReachWorkspace) -> ReachReport {
         workspace.rows = 0;
         workspace.revision = 0;
+        workspace.by_nodes = false;
         let status = self.try_half_solve(rows, workspace).err().unwrap_or(ReachStatus::Ok);
-        let (supernodes, degrees_of_freedom) =
-            if status == ReachStatus::Ok { workspace.reached(self.symbolic()) } else { (0, 0) };
+        let (supernodes, degrees_of_freedom) = if status == ReachStatus::Ok {
+            reached(&workspace.blocks[..workspace.used], self.symbolic())
+        } else {
+            (0, 0)
+        };
         ReachReport { status, rows: rows.len(), supernodes, degrees_of_freedom }
     }
 
@@ -201,10 +216,15 @@ impl Factor {
         w: impl Into<DMatrixViewMut<'w, f64>>,
         workspace: &mut ReachWorkspace,
     ) -> ReachReport {
-        let mut report = self.half_solve(rows, workspace);
+        let mut w = w.into();
+        let mut report = match self.by_nodes(rows, scale, &mut w, workspace) {
+            Some(report) => report,
+            None => self.half_solve(rows, workspace),
+        };
         if report.status == ReachStatus::Ok {
-            let mut w = w.into();
-            report.status = workspace.gram_into(scale, w.as_view_mut());
+            if !workspace.by_nodes {
+                report.status = workspace.gram_into(scale, w.as_view_mut());
+            }
             if let (ReachStatus::Ok, Some(update)) = (report.status, self.changed()) {
                 update.finish_compliance(rows, scale, w, &mut workspace.change);
             }
@@ -212,54 +232,23 @@ impl Factor {
         report
     }
 
-    /// `x = A⁻¹ Hᵀ λ` for the rows of the last half solve with this factor: `Y λ` and one backward substitution.
-    ///
-    /// `lambda` has one entry per row, `x` length `3 n`. Allocates nothing.
-    pub fn correct(&self, lambda: &[f64], x: &mut [f64], workspace: &mut ReachWorkspace) -> SolveStatus {
-        self.correct_by(None, lambda, x, workspace)
-    }
-
-    /// As [`Self::correct`], by the copy of `L` in single precision where there is one: a relative error of about 1e-7 times
-    /// the condition of `A`. For what conjugate gradients start from.
-    pub fn guess_correction(&self, lambda: &[f64], x: &mut [f64], workspace: &mut ReachWorkspace) -> SolveStatus {
-        self.correct_by(self.single(), lambda, x, workspace)
-    }
-
-    fn correct_by(
+    /// `W` from the half solves of the touched nodes, where the workspace keeps them and that is the better way.
+    fn by_nodes(
         &self,
-        packed: Option<&[f32]>,
-        lambda: &[f64],
-        x: &mut [f64],
+        rows: &NodalRows,
+        scale: f64,
+        w: &mut DMatrixViewMut<'_, f64>,
         workspace: &mut ReachWorkspace,
-    ) -> SolveStatus {
-        if !self.is_valid() {
-            return SolveStatus::InvalidFactor;
+    ) -> Option<ReachReport> {
+        let fits = self.is_valid() && rows.len() <= workspace.max_rows && w.shape() == (rows.len(), rows.len());
+        let nodal = workspace.nodal.as_mut().filter(|_| fits)?;
+        if !nodal.keep(self, rows) {
+            return None;
         }
-        if workspace.revision != self.revision() {
-            return SolveStatus::OtherFactor;
-        }
-        if lambda.len() != workspace.rows || x.len() != self.symbolic().degrees_of_freedom() {
-            return SolveStatus::WrongSize;
-        }
-        for (sorted, &r) in workspace.lambda.iter_mut().zip(&workspace.sorted) {
-            *sorted = lambda[r as usize];
-        }
-        workspace.permuted.fill(0.0);
-        let size = rows_per_block(workspace.rows);
-        let (blocks, lambda) = (&workspace.blocks[..workspace.used], &workspace.lambda[..workspace.rows]);
-        for (block, lambda) in blocks.iter().zip(lambda.chunks(size)) {
-            block.add_combination(self.symbolic(), lambda, &mut workspace.permuted);
-        }
-        let (permuted, rows) = (&mut workspace.permuted, &mut workspace.front_rows);
-        match packed {
-            Some(packed) => packed_fronts::backward(self.symbolic(), packed, permuted, rows),
-            None => substitution::backward(self.symbolic(), self.values(), permuted, rows),
-        }
-        permute_back(&self.symbolic().ordering().old_of_new, &workspace.permuted, x);
-        if let Some(update) = self.changed() {
-            update.finish_solve(x, &mut workspace.change);
-        }
-        SolveStatus::Ok
+        nodal.write(scale, w);
+        let (supernodes, degrees_of_freedom) = reached(&nodal.blocks[..nodal.used], self.symbolic());
+        (workspace.rows, workspace.revision, workspace.by_nodes) = (rows.len(), self.revision(), true);
+        Some(ReachReport { status: ReachStatus::Ok, rows: rows.len(), supernodes, degrees_of_freedom })
     }
 }
 

@@ -26,6 +26,15 @@ use crate::world::{Integration, World};
 /// Relative residual at which a compared column counts as exact.
 const SAMPLE_TOLERANCE: f64 = 1e-6;
 
+/// Whether the correction by the inverse that gave `W` is only where conjugate gradients begin.
+pub(super) fn corrects_exactly(world: &World, ws: &StepWorkspace, report: &StepReport) -> bool {
+    // A direct approach brings its motion along.
+    let old = report.method != ComplianceMethod::Exact && ws.direct.is_none();
+    let exact =
+        world.plan().correction == MotionCorrection::Exact && *world.integration() == Integration::BackwardEuler;
+    old && exact && report.compliance.usable
+}
+
 /// Improves `ws.correction` from the old inverse's to that of this step's matrix, where the plan wants that; measures the
 /// error of `W` along the forces, refines these where it is not small, and measures the overlap that remains.
 pub(super) fn correct_exactly(
@@ -40,9 +49,7 @@ pub(super) fn correct_exactly(
     }
     let m = ws.rows.len();
     ws.refinement.shift[..m].fill(0.0);
-    // A direct approach brings its motion along.
-    let old = report.method != ComplianceMethod::Exact && ws.direct.is_none();
-    if old && world.plan().correction == MotionCorrection::Exact {
+    if corrects_exactly(world, ws, report) {
         let solve = exact_motion(world, factor, ws);
         report.error.correction_iterations = solve.iterations as u32;
         let misfit = misfit(ws);
@@ -133,7 +140,7 @@ pub(super) fn sample_column(world: &World, factor: &FactorSample, ws: &mut StepW
     ws.rows.tissue.add_transposed(lambda, &mut ws.load);
     let (inverse, _) = inverse(world, factor, None, None, ws.first.as_ref(), &ws.rotations);
     // Where there is no guess, the iterations begin at zero.
-    compliance::correct(inverse, lambda, 1.0, &mut ws.sample, &mut ws.compliance);
+    compliance::guess(inverse, lambda, 1.0, &mut ws.sample, &mut ws.compliance);
     let config = PcgConfig { relative_tolerance: SAMPLE_TOLERANCE, max_iterations: most };
     let mut preconditioner = StepPreconditioner::new(None, factor, &ws.rotations, &mut ws.solve);
     let solve = pcg(&ws.fem.system, &ws.load, &mut ws.sample, &mut preconditioner, config, &mut ws.pcg);

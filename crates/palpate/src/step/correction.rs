@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use palpate_constraints::body::{Body, SoftBody};
-use palpate_constraints::compliance::WarpedInverse;
+use palpate_constraints::compliance::{self, WarpedInverse};
 use palpate_fem::assembly::advance_memory;
 use palpate_fem::pcg::PcgStatus;
 
@@ -14,8 +14,9 @@ use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
 
 /// `h A⁻¹ Hᵀ lambda` into `ws.correction`, with the inverse that gave `W`, for the part of `lambda` that the free motion
-/// does not carry already, or the motion of a direct approach; false where that cannot be.
-fn correction(world: &World, factor: &FactorSample, ws: &mut StepWorkspace) -> bool {
+/// does not carry already, or the motion of a direct approach; false where that cannot be. Roughly where an exact
+/// correction begins there.
+fn correction(world: &World, factor: &FactorSample, begins: bool, ws: &mut StepWorkspace) -> bool {
     if let Some(direct) = &ws.direct {
         ws.correction.copy_from_slice(&direct.motion);
         return true;
@@ -36,6 +37,9 @@ fn correction(world: &World, factor: &FactorSample, ws: &mut StepWorkspace) -> b
             None => {
                 let own = ws.own.as_ref().filter(|_| ws.own_is_current);
                 let (inverse, _) = inverse(world, factor, own, ws.newton.as_ref(), ws.first.as_ref(), &ws.rotations);
+                if begins {
+                    return compliance::guess(inverse, lambda, dt, correction, &mut ws.compliance);
+                }
                 SoftBody { inverse, workspace: &mut ws.compliance, correction }.correct(&ws.rows, lambda, dt)
             }
         }
@@ -94,7 +98,8 @@ pub(super) fn correct(
         Some(newton) => lambda.iter().zip(&newton.carried).any(|(l, carried)| l != carried),
         None => lambda.iter().any(|&l| l != 0.0),
     };
-    if touched && !correction(world, factor, ws) {
+    let begins = accuracy::corrects_exactly(world, ws, report);
+    if touched && !correction(world, factor, begins, ws) {
         ws.correction.fill(f64::NAN);
     }
     if touched {
@@ -107,11 +112,15 @@ pub(super) fn correct(
     }
     let held = world.model().held();
     for (k, &node) in world.model().node_of_free().iter().enumerate().filter(|(k, _)| !held[*k]) {
-        let mut v = Vector3::new(ws.v_free[3 * k], ws.v_free[3 * k + 1], ws.v_free[3 * k + 2]);
-        if touched {
-            v += Vector3::new(ws.correction[3 * k], ws.correction[3 * k + 1], ws.correction[3 * k + 2]);
-        }
+        let v_free = Vector3::new(ws.v_free[3 * k], ws.v_free[3 * k + 1], ws.v_free[3 * k + 2]);
+        let corrected = if touched {
+            Vector3::new(ws.correction[3 * k], ws.correction[3 * k + 1], ws.correction[3 * k + 2])
+        } else {
+            Vector3::zeros()
+        };
         let node = node as usize;
+        state.prediction.learn(k, &(v_free - state.fem.v[node]), &corrected);
+        let v = v_free + corrected;
         state.fem.v[node] = v;
         state.fem.q[node] += h * v;
     }

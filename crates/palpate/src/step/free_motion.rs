@@ -19,8 +19,8 @@ pub(super) fn refactor(ws: &mut StepWorkspace, report: &mut StepReport) {
     report.refused = !ws.own_is_current;
 }
 
-/// `A dv = b` by conjugate gradients from zero, preconditioned by the factor warped with the rotations since it was
-/// taken, or by the step's own where the plan makes one first; then the free velocity `v + dv`.
+/// `A dv = b` by conjugate gradients from what the last step predicts, preconditioned by the factor warped with the rotations
+/// since it was taken; or from zero by the step's own where the plan makes one first. Then the free velocity `v + dv`.
 pub(super) fn free_motion(
     world: &World,
     factor: &FactorSample,
@@ -40,8 +40,12 @@ pub(super) fn free_motion(
     }
     turn(world, state, ws, report);
     let config = PcgConfig { relative_tolerance: body.tolerance, max_iterations: body.max_iterations };
-    ws.v_free.fill(0.0);
     let own = ws.own.as_ref().filter(|_| ws.own_is_current).or(plan.constant.then_some(&factor.factor));
+    // A factor of this very matrix needs one iteration from wherever it begins.
+    match own {
+        Some(_) => ws.v_free.fill(0.0),
+        None => ws.v_free.copy_from_slice(state.prediction.free()),
+    }
     let mut preconditioner = StepPreconditioner::new(own, factor, &ws.rotations, &mut ws.solve);
     report.free_motion = pcg(&ws.fem.system, &ws.fem.rhs, &mut ws.v_free, &mut preconditioner, config, &mut ws.pcg);
     for (dv, &node) in ws.v_free.chunks_exact_mut(3).zip(world.model().node_of_free()) {

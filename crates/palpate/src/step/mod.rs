@@ -39,6 +39,7 @@ mod obstacles;
 mod patch;
 mod penalty;
 mod preconditioner;
+mod prediction;
 mod prepared;
 mod refinement;
 mod report;

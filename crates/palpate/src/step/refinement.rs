@@ -70,7 +70,7 @@ pub(super) fn refine(
     change.copy_from_slice(lambda);
     change.iter_mut().zip(&ws.refinement.lambda).for_each(|(change, old)| *change -= old);
     let (inverse, _) = inverse(world, factor, None, None, ws.first.as_ref(), &ws.rotations);
-    compliance::correct(inverse, change, ws.dt, &mut ws.correction, &mut ws.compliance);
+    compliance::guess(inverse, change, ws.dt, &mut ws.correction, &mut ws.compliance);
     ws.correction.iter_mut().zip(&ws.refinement.motion).for_each(|(motion, old)| *motion += old);
     ws.rigid.correct(&ws.rows, &ws.lambda[..m], ws.dt);
     let exact = exact_motion(world, factor, ws);

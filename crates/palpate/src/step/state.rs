@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use super::bodies::PairState;
 use super::climb::Climb;
+use super::prediction::Prediction;
 use crate::refresh::FactorSample;
 use crate::world::{Change, World};
 
@@ -35,6 +36,8 @@ pub struct StepState {
     /// The state before the last step, to which a failed step returns.
     pub(super) before: FemState,
     rigid_before: Vec<RigidState>,
+    /// Where the next free motion begins.
+    pub(super) prediction: Prediction,
     /// Events and changes from outside so far.
     pub(super) phase: usize,
     /// The changes from outside among them.
@@ -62,6 +65,7 @@ impl StepState {
             rigid_before: world.bodies().rigid.iter().map(|body| body.start).collect(),
             pairs: world.bodies().pairs.iter().map(PairState::new).collect(),
             before: rest.clone(),
+            prediction: Prediction::new(world.model().free_nodes()),
             phase: 0,
             outside: Vec::with_capacity(world.changes_from_outside()),
             began,
@@ -130,6 +134,7 @@ impl StepState {
         self.fem.q.copy_from_slice(&self.before.q);
         self.fem.memory.copy_from_slice(&self.before.memory);
         self.fem.v.fill(Vector3::zeros());
+        self.prediction.forget();
         self.warm_start.clear();
         self.rigid.iter_mut().zip(&self.rigid_before).for_each(|(now, before)| *now = before.at_rest());
         self.pairs.iter_mut().for_each(PairState::forget);

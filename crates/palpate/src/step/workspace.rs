@@ -207,7 +207,7 @@ impl StepWorkspace {
             }
         }
         let fem = FemWorkspace::new(model);
-        let reach = ReachWorkspace::new(symbolic, compliance_rows);
+        let reach = ReachWorkspace::new(symbolic, compliance_rows).keeping_nodes(symbolic);
         let inverse = PrecomputedWorkspace::new(reach, SolveWorkspace::new(symbolic));
         Self {
             newton,

@@ -120,7 +120,12 @@ impl Plan {
         if self.refactor == Refactor::Step {
             return 0;
         }
-        (dt.max(self.factorization) / (SOLVES_OF_NODE * self.solve)) as usize
+        (dt.max(self.factorization) / self.change_of_node()) as usize
+    }
+
+    /// Predicted time (s) in which a factor follows a change of one node.
+    pub fn change_of_node(&self) -> f64 {
+        SOLVES_OF_NODE * self.solve
     }
 
     /// Predicted time (s) of what a rung of the ladder does in a step more than free motion and contact: for `rows` rows of
