@@ -2,7 +2,7 @@
  *
  * LIFE CYCLE
  *   palpate_create_from_file -> palpate_open_port -> palpate_start -> palpate_tick, palpate_tick, ...
- *   [palpate_pause, palpate_resume] -> palpate_stop -> palpate_close_port -> palpate_destroy
+ *   [palpate_pause, palpate_resume, palpate_change] -> palpate_stop -> palpate_close_port -> palpate_destroy
  *   A stopped simulation can be given a new port, and begins anew from rest. Port and simulation may be freed in either
  *   order; NULL may be freed. Every other use of a freed handle is an error that the library cannot see.
  *
@@ -666,6 +666,21 @@ palpate_status palpate_pause(const struct palpate_simulation *simulation);
  `simulation` is NULL or was created and not destroyed.
  */
 palpate_status palpate_resume(const struct palpate_simulation *simulation);
+
+/*
+ Changes the body while it runs: nodes released or held, elements removed. `change` is TOML with the keys of an [[event]]
+ without `time`, such as "remove = { ball = { center = [0.02, 0.02, 0.04], radius = 0.005 } }" or
+ "hold = { node_set = \"x_min\" }". The scene's body must have room: `changes = 8` for eight changes in one run.
+
+ The changed body is made on the calling thread, in some ten milliseconds per thousand nodes, so do not call it from the
+ thread that ticks; the tissue goes on meanwhile, and its next step takes the change. Other calls with the same simulation
+ wait until it is made, ticks do not. PALPATE_STATUS_ERROR_PHASE where nothing runs, PALPATE_STATUS_ERROR_ARGUMENT where
+ the change cannot be done; palpate_last_error says why.
+
+ The caller answers for this:
+ `simulation` is NULL or was created and not destroyed; `change` is NULL or a text closed by a zero.
+ */
+palpate_status palpate_change(const struct palpate_simulation *simulation, const char *change);
 
 /*
  Ends the threads and the trace, and waits for them: at most the time of a step and 0.1 s. The driver may go on
