@@ -4,7 +4,7 @@
 
 mod quasi_static;
 
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Translation3, Vector3};
 use palpate::fem::assembly::{FemWorkspace, internal_forces};
 use palpate::fem::element::ElementKind;
 use palpate::fem::sparse::FIXED;
@@ -61,8 +61,8 @@ fn force(element: &str, cells: [usize; 2], at: &str) -> f64 {
     let (report, steps) = if nodes {
         press(&mut sim, target, 1e-7)
     } else {
-        (1..10).for_each(|_| _ = sim.step(&target.into()));
-        (sim.step(&target.into()), 10)
+        (1..10).for_each(|_| _ = sim.step(&Isometry3::from(Translation3::from(target))));
+        (sim.step(&Isometry3::from(Translation3::from(target))), 10)
     };
     assert_eq!(report.status, StepStatus::Advanced);
     assert!(report.active >= 3, "{element} {at}: {report:?}");

@@ -1,8 +1,10 @@
 //! What one tick did: a small `Copy` record for rings, traces and tests.
 
 use nalgebra::Isometry3;
+use palpate_collision::ToolPose;
 
 use crate::device::DeviceError;
+use crate::gripper::GripperRecord;
 use crate::wrench::{Twist, Wrench};
 
 /// What happened in a tick, one bit each.
@@ -92,6 +94,14 @@ impl TickFlags {
     }
 }
 
+impl TickRecord {
+    /// The tool behind the couplings: its pose and the opening of its jaws.
+    #[must_use]
+    pub fn tool(&self) -> ToolPose {
+        ToolPose { frame: self.tool_pose, opening: self.gripper.opening }
+    }
+}
+
 /// What one tick did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TickRecord {
@@ -128,6 +138,8 @@ pub struct TickRecord {
     pub force_jump: f64,
     /// Share of the contact wrench that was let through by the fades, 0 to 1.
     pub gain: f64,
+    /// Gripper and jaws.
+    pub gripper: GripperRecord,
     /// What happened.
     pub flags: TickFlags,
     /// Why the device did not answer.

@@ -1,6 +1,6 @@
 //! The three stages of a run and what lies between them: made once, then moved to threads or driven in lockstep.
 
-use nalgebra::Isometry3;
+use palpate_collision::ToolPose;
 use palpate_haptics::device::DeviceSpec;
 use palpate_haptics::exchange::{Reader, Writer, latest};
 use palpate_haptics::snapshot::HapticSnapshot;
@@ -11,6 +11,7 @@ use crate::problem_files::ProblemFiles;
 use crate::record::{FactorLine, StepLine, TickLine, TraceLines};
 use crate::refresh::{FactorSample, Refresh, RefreshPort, RefreshWatch, refresh};
 use crate::run::{RunError, RunOptions, RunOutcome};
+use crate::session::{Shape, ShapeWriter};
 use crate::settle::settle;
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
 use crate::summary::RigidEnd;
@@ -32,7 +33,7 @@ pub(crate) struct Engine<'w, T = Ticker> {
 /// What the tick reads and writes: snapshots, tool poses, the trace.
 pub(crate) struct TickEnds {
     pub(crate) snapshots: Reader<HapticSnapshot>,
-    pub(crate) poses: Writer<Isometry3<f64>>,
+    pub(crate) poses: Writer<ToolPose>,
     pub(crate) line: TickLine,
 }
 
@@ -55,7 +56,7 @@ impl<'w, T> Engine<'w, T> {
         world: &'w World,
         options: &RunOptions,
         device: &DeviceSpec,
-        first: Isometry3<f64>,
+        first: ToolPose,
         make: impl FnOnce(TickEnds) -> Result<T, RunError>,
     ) -> Result<Self, RunError> {
         let mut notes = Vec::new();
@@ -79,7 +80,7 @@ impl<'w, T> Engine<'w, T> {
         let state = StepState::new(world, rest);
         ws.problem_files = options.problems.clone().map(ProblemFiles::new);
         let watch = RefreshWatch::new(world.plan().accuracy);
-        let stage = StepStage { world, state, ws, port, watch, urged: false, snapshots, poses, line };
+        let stage = StepStage { world, state, ws, port, watch, urged: false, snapshots, poses, line, shape: None };
         Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes })
     }
 
@@ -87,6 +88,13 @@ impl<'w, T> Engine<'w, T> {
     pub(crate) fn split(self) -> (T, Engine<'w, ()>) {
         let Self { world, stage, refresh, refresh_trace, ticker, trace, notes } = self;
         (ticker, Engine { world, stage, refresh, refresh_trace, ticker: (), trace, notes })
+    }
+
+    /// Lets somebody see where the bodies are.
+    pub(crate) fn show(&mut self) -> Reader<Shape> {
+        let (writer, reader) = ShapeWriter::new(self.world, &self.stage.state);
+        self.stage.shape = Some(writer);
+        reader
     }
 
     /// In lockstep, writes the records that wait for the trace.
@@ -126,8 +134,10 @@ pub(crate) struct StepStage<'w> {
     watch: RefreshWatch,
     urged: bool,
     snapshots: Writer<HapticSnapshot>,
-    poses: Reader<Isometry3<f64>>,
+    poses: Reader<ToolPose>,
     line: StepLine,
+    /// Who wants to draw.
+    shape: Option<ShapeWriter>,
 }
 
 impl StepStage<'_> {
@@ -138,6 +148,9 @@ impl StepStage<'_> {
         let input = StepInput { time, tool: *self.poses.latest(), factor };
         let report = step(self.world, &input, &mut self.state, &mut self.ws, self.snapshots.value_mut());
         self.snapshots.publish();
+        if let Some(shape) = &mut self.shape {
+            shape.send(self.world, &self.state, time + self.world.dt());
+        }
         self.urged = false;
         if report.status == StepStatus::Advanced {
             let (q, system) = (self.state.before(), &self.ws.fem.system);

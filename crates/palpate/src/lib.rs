@@ -16,6 +16,7 @@
 //! ```
 
 pub mod devices;
+mod drawn;
 mod engine;
 pub mod export;
 mod gathering;

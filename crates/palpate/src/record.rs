@@ -3,21 +3,18 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Isometry3, Vector3};
-use palpate_collision::shape::ToolShape;
-use palpate_collision::solid::Solid;
-use palpate_constraints::frame::ContactFrame;
 use palpate_fem::factor::FactorStatus;
 use palpate_fem::pcg::PcgStatus;
 use palpate_haptics::device::DeviceSpec;
 use palpate_haptics::record::TickFlags;
 use palpate_trace as trace;
 use palpate_trace::{
-    Attachment, BodyGeometry, FactorTrace, InlineTrace, LogLevel, LogRecord, SolidGeometry, StepTrace, TickTrace,
-    TraceConfig, TraceError, TraceThread,
+    Attachment, BodyGeometry, FactorTrace, InlineTrace, LogLevel, LogRecord, StepTrace, TickTrace, TraceConfig,
+    TraceError, TraceThread,
 };
 use serde::Serialize;
 
+use crate::drawn::{solids, tool};
 use crate::gathering::Gathering;
 use crate::refresh::RefreshReport;
 use crate::run::{RunError, RunOptions};
@@ -166,47 +163,8 @@ fn config(world: &World, options: &RunOptions, device: &DeviceSpec) -> TraceConf
         attachments: vec![scene_file],
         bodies: vec![BodyGeometry::new(scene.bodies[0].name.clone(), rest, world.surface().triangles.clone())],
         solids: solids(world),
-        tool: tool_shape(world.tool()),
+        tool: tool(world.tool()),
         ..base
-    }
-}
-
-/// Side (m) of the square that a half-space is drawn as.
-const DRAWN_PLANE: f64 = 1.0;
-
-/// Fixed and rigid bodies as viewers draw them.
-fn solids(world: &World) -> Vec<SolidGeometry> {
-    let geometry = |name: &str, solid: &Solid, pose: &Isometry3<f64>, moves| {
-        let vertices = |all: &[Vector3<f64>]| all.iter().map(|v| [v.x, v.y, v.z]).collect();
-        let shape = match solid {
-            Solid::Convex(shape) => tool_shape(shape)?,
-            Solid::Mesh(mesh) => {
-                trace::ToolShape::Mesh { vertices: vertices(mesh.vertices()), triangles: mesh.triangles().to_vec() }
-            }
-            Solid::HalfSpace(normal) => {
-                let [t, s] = ContactFrame::new(*normal).tangents.map(|t| t * (0.5 * DRAWN_PLANE));
-                let corners = [-t - s, t - s, t + s, s - t];
-                trace::ToolShape::Mesh { vertices: vertices(&corners), triangles: vec![[0, 1, 2], [0, 2, 3]] }
-            }
-        };
-        let pose = (pose.translation.vector.into(), pose.rotation.coords.into());
-        Some(SolidGeometry { name: name.into(), shape, pose, moves })
-    };
-    let bodies = world.bodies();
-    let fixed = bodies.fixed.iter().map(|body| geometry(&body.name, &body.solid, &body.pose, false));
-    let rigid = bodies.rigid.iter().map(|body| geometry(&body.name, &body.solid, &body.shape_pose(&body.start), true));
-    fixed.chain(rigid).flatten().collect()
-}
-
-fn tool_shape(tool: &ToolShape) -> Option<trace::ToolShape> {
-    if let Some(hull) = tool.hull() {
-        let vertices = hull.vertices().iter().map(|v| [v.x, v.y, v.z]).collect();
-        return Some(trace::ToolShape::Mesh { vertices, triangles: hull.triangles().to_vec() });
-    }
-    let radius = tool.inner_radius();
-    match tool.axis(&Isometry3::identity()) {
-        Some([a, b]) if a != b => Some(trace::ToolShape::Capsule { a: a.into(), b: b.into(), radius }),
-        _ => Some(trace::ToolShape::Sphere { radius }),
     }
 }
 
@@ -229,7 +187,7 @@ impl StepLine {
     pub(crate) fn push(&mut self, report: &StepReport, world: &World, state: &StepState, keep_times: bool) {
         let Some((line, dt)) = &mut self.0 else { return };
         let wall = |seconds: f64| if keep_times { nanoseconds(seconds) } else { 0 };
-        let (times, rotation) = (&report.times, report.tool.rotation.coords);
+        let (times, rotation) = (&report.times, report.tool.frame.rotation.coords);
         let time_ns = nanoseconds(report.time);
         let mut flags = trace::StepFlags::default();
         flags.set(trace::StepFlags::OVERRUN, report.overruns > 0);
@@ -267,7 +225,7 @@ impl StepLine {
             inverted_elements: report.assembly.inverted,
             filtered_elements: report.assembly.filtered,
             flags,
-            tool_position: report.tool.translation.vector.into(),
+            tool_position: report.tool.frame.translation.vector.into(),
             tool_orientation: rotation.into(),
             compliance_error: report.error.along_forces,
             sampled_error: report.error.sampled,
@@ -277,6 +235,7 @@ impl StepLine {
             cuts: report.cuts,
             solver_attempts: report.attempts,
             phase: report.change.phase,
+            tool_opening: report.tool.opening,
         });
         for (body, placement) in placements(world, &state.rigid).enumerate() {
             let (position, orientation, velocity, angular_velocity) = placement;
@@ -347,6 +306,11 @@ impl TickLine {
             wake_latency_ns: nanoseconds(report.latency),
             work_ns: nanoseconds(report.work),
             force_jump: r.force_jump,
+            device_gripper: r.gripper.device,
+            tool_opening: r.gripper.opening,
+            gripper_torque: r.gripper.torque,
+            gripper_torque_unlimited: r.gripper.contact_torque,
+            torque_unlimited: r.contact_wrench.torque.into(),
         });
     }
 }

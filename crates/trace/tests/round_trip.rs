@@ -64,6 +64,11 @@ impl Bits {
             wake_latency_ns: self.count(),
             work_ns: self.count(),
             force_jump: self.double(),
+            device_gripper: self.double(),
+            tool_opening: self.double(),
+            gripper_torque: self.double(),
+            gripper_torque_unlimited: self.double(),
+            torque_unlimited: self.doubles(),
         }
     }
 
@@ -103,6 +108,7 @@ impl Bits {
             cuts: self.count() as u32,
             solver_attempts: self.count() as u32,
             phase: self.count() as u32,
+            tool_opening: self.double(),
         }
     }
 }

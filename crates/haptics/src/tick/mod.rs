@@ -14,11 +14,13 @@
 //! A tick allocates nothing, takes no lock, makes no system call, has no panic path, and its work is bounded by the
 //! capacity and the number of sweeps: O(rows²) a sweep, and as much again when a snapshot is taken over.
 
+mod grip;
 mod local;
 mod patch;
 mod warm_start;
 
 use nalgebra::{Isometry3, Vector3};
+use palpate_collision::ToolPose;
 use palpate_solver::gauss_seidel::GaussSeidelConfig;
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +28,7 @@ use crate::SetupError;
 use crate::coupling::{Coupling, CouplingConfig, CouplingState};
 use crate::device::{DeviceError, DeviceSample, DeviceSpec, TickTime};
 use crate::error::positive;
+use crate::gripper::{Gripper, GripperRecord, GripperState};
 use crate::limits::{Limits, LimitsConfig, LimitsState};
 use crate::record::{TickFlags, TickRecord};
 use crate::snapshot::HapticSnapshot;
@@ -34,6 +37,7 @@ use crate::wrench::{Twist, Wrench, all_finite};
 pub use local::TickWorkspace;
 pub use patch::PatchTickConfig;
 
+use grip::is_sound;
 use local::{Local, Problem};
 use patch::{PatchMemory, PatchProblem, ToolPoses};
 use warm_start::WarmStart;
@@ -79,6 +83,7 @@ pub struct Tick {
     coupling: Coupling,
     limits: Limits,
     patch: Option<PatchTickConfig>,
+    gripper: Option<Gripper>,
 }
 
 /// What a tick remembers: state.
@@ -96,6 +101,8 @@ pub struct TickState {
     outgoing: Option<Vector3<f64>>,
     device_pose: Isometry3<f64>,
     device_velocity: Twist,
+    gripper: GripperState,
+    device_gripper: f64,
 }
 
 impl TickState {
@@ -112,12 +119,15 @@ impl TickState {
             outgoing: None,
             device_pose: Isometry3::identity(),
             device_velocity: Twist::default(),
+            gripper: GripperState::default(),
+            device_gripper: 1.0,
         }
     }
 
     /// Takes the force off and forgets everything but the capacity.
     pub fn reset(&mut self) {
         self.coupling = CouplingState::default();
+        self.gripper.cut();
         self.limits.cut();
         self.warm_start.clear();
         self.forget_patch();
@@ -129,6 +139,7 @@ impl TickState {
     /// Takes the force off at once, lets its return be a ramp, and forgets the stretch of the coupling.
     pub(crate) fn cut(&mut self) {
         self.coupling = CouplingState::default();
+        self.gripper.cut();
         self.limits.cut();
         self.forget_patch();
     }
@@ -161,6 +172,7 @@ impl Tick {
             coupling: Coupling::new(&config.coupling, config.period)?,
             limits: Limits::new(&config.limits, spec)?,
             patch: None,
+            gripper: None,
         })
     }
 
@@ -216,7 +228,8 @@ impl Tick {
         sample: &DeviceSample,
         ws: &mut TickWorkspace,
     ) {
-        if outgoing.valid && state.step == Some(outgoing.step) && is_pose(&sample.pose) {
+        if outgoing.valid && state.step == Some(outgoing.step) && is_sound(sample) {
+            self.read(state, sample);
             let poses = self.poses(state, sample);
             let local = match (self.local(outgoing), &state.patch) {
                 (Some(problem), Some(memory)) => problem.solve(memory, &outgoing.patch, &poses, ws),
@@ -243,18 +256,19 @@ impl Tick {
         }
         let outgoing = state.outgoing.take();
 
-        let (sent, local) = if !is_pose(&sample.pose) {
+        let (sent, local) = if !is_sound(sample) {
             flags.set(TickFlags::BAD_POSE);
             state.device_velocity = Twist::default();
             state.cut();
             (Wrench::zero(), Local::EMPTY)
         } else if snapshot.valid {
-            (state.device_pose, state.device_velocity) = (sample.pose, sample.velocity);
+            self.read(state, sample);
             let poses = self.poses(state, sample);
             let local = self.solve(state, snapshot, &poses, ws, &mut flags);
             flags.set_if(local.truncated, TickFlags::TRUNCATED);
             flags.set_if(!local.converged, TickFlags::NOT_CONVERGED);
             state.coupling = self.coupling.settle(&state.coupling, &local.wrench);
+            self.settle_gripper(state, local.gripper);
             self.keep(state, snapshot, &sample.pose, ws);
             // Numbers in W or δ_free that are not finite end the force, even where λ is finite.
             let target = if local.finite { local.wrench } else { NOT_A_WRENCH };
@@ -262,21 +276,24 @@ impl Tick {
             if flags.contains(TickFlags::NON_FINITE) {
                 state.cut();
                 state.warm_start.clear_forces();
-                (sent, Local { wrench: Wrench::zero(), active: 0, ..local })
+                (sent, Local { wrench: Wrench::zero(), gripper: 0.0, active: 0, ..local })
             } else {
                 (sent, local)
             }
         } else {
-            (state.device_pose, state.device_velocity) = (sample.pose, sample.velocity);
+            self.read(state, sample);
             flags.set(if snapshot.step == 0 { TickFlags::NO_SNAPSHOT } else { TickFlags::INVALID_SNAPSHOT });
             state.coupling = self.coupling.settle(&state.coupling, &Wrench::zero());
+            self.settle_gripper(state, 0.0);
             state.forget_patch();
             (self.limits.release(&mut state.limits, dt, &mut flags), Local::EMPTY)
         };
 
+        let gripper = self.grip(state, local.gripper, dt, &mut flags);
         let swapped = flags.contains(TickFlags::NEW_SNAPSHOT);
         let jump = outgoing.filter(|_| swapped).map_or(0.0, |before| (local.wrench.force - before).norm());
-        record(state, snapshot, time, sent, &local, jump, flags)
+        let record = record(state, snapshot, time, sent, &local, jump, flags);
+        TickRecord { gripper, ..record }
     }
 
     /// A tick without a sample: no force, and a ramp when the device is back.
@@ -295,22 +312,25 @@ impl Tick {
         state.cut();
         state.outgoing = None;
         let record = record(state, snapshot, time, Wrench::zero(), &Local::EMPTY, 0.0, flags);
-        TickRecord { device_error: Some(error), ..record }
+        let gripper = self.grip(state, 0.0, time.dt, &mut TickFlags::default());
+        TickRecord { device_error: Some(error), gripper, ..record }
     }
 
     fn problem(&self) -> Problem<'_> {
-        Problem { solver: &self.solver, coupling: &self.coupling }
+        Problem { solver: &self.solver, coupling: &self.coupling, gripper: self.gripper.as_ref() }
     }
 
     /// What solves on the snapshot's patch, where the tick works on patches and the snapshot has one.
     fn local(&self, snapshot: &HapticSnapshot) -> Option<PatchProblem<'_>> {
         let config = self.patch.as_ref().filter(|_| snapshot.patch.valid)?;
-        Some(PatchProblem { solver: &self.solver, coupling: &self.coupling, config })
+        Some(PatchProblem { solver: &self.solver, coupling: &self.coupling, gripper: self.gripper.as_ref(), config })
     }
 
     fn poses(&self, state: &TickState, sample: &DeviceSample) -> ToolPoses {
-        let held = state.coupling.tool(&sample.pose);
-        ToolPoses { held, predicted: self.coupling.predict(&state.coupling, &sample.pose) }
+        let held = self.tool(state, &sample.pose);
+        let frame = self.coupling.predict(&state.coupling, &sample.pose);
+        let opening = self.gripper.as_ref().map_or(0.0, |gripper| gripper.predict(&state.gripper));
+        ToolPoses { held, predicted: ToolPose { frame, opening } }
     }
 
     /// The contact problem of the tick: on the patch, or on the snapshot's own rows.
@@ -330,7 +350,7 @@ impl Tick {
                     memory.take_over(&snapshot.patch);
                 }
                 flags.set(TickFlags::LOCAL);
-                let beyond = problem.is_beyond(&snapshot.patch, &snapshot.tool_pose, &poses.held);
+                let beyond = problem.is_beyond(&snapshot.patch, &snapshot.tool(), &poses.held);
                 flags.set_if(beyond, TickFlags::BEYOND_PATCH);
                 problem.solve(memory, &snapshot.patch, poses, ws)
             }
@@ -340,7 +360,7 @@ impl Tick {
 
     /// Lets a tick on a patch be remembered.
     fn keep(&self, state: &mut TickState, snapshot: &HapticSnapshot, device: &Isometry3<f64>, ws: &TickWorkspace) {
-        let tool = state.coupling.tool(device);
+        let tool = self.tool(state, device);
         if let (Some(problem), Some(memory), Some(ws)) = (self.local(snapshot), &mut state.patch, &ws.patch) {
             memory.keep(&snapshot.patch, problem.config.hand_over, &tool, ws);
         }
@@ -414,6 +434,7 @@ fn record(
         snapshot_step: snapshot.step,
         snapshot_age: state.age,
         force_jump,
+        gripper: GripperRecord::default(),
         gain: state.limits.gain,
         flags,
         device_error: None,

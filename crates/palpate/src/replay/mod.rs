@@ -25,7 +25,7 @@ pub struct ReplayReport {
     pub ticks: usize,
     /// Ticks of the new run that the trace does not hold, or the other way round.
     pub unmatched: usize,
-    /// The first tick whose force or tool pose differs in any bit.
+    /// The first tick whose force, torque, tool position or jaws differ in any bit.
     pub first_difference: Option<u64>,
     /// Largest difference of a force (N).
     pub largest_difference: f64,
@@ -145,8 +145,12 @@ impl Observer for Comparison<'_> {
         self.next += 1;
         let force: [f64; 3] = report.record.wrench.force.into();
         let position: [f64; 3] = report.record.tool_pose.translation.vector.into();
+        let torque: [f64; 3] = report.record.wrench.torque.into();
+        let jaws = [report.record.gripper.opening, report.record.gripper.torque, 0.0];
+        let jaws_then = [recorded.tool_opening, recorded.gripper_torque, 0.0];
         let same = |a: [f64; 3], b: [f64; 3]| a.iter().zip(&b).all(|(x, y)| x.to_bits() == y.to_bits());
-        if !same(force, recorded.force) || !same(position, recorded.tool_position) {
+        let moved = !same(position, recorded.tool_position) || !same(jaws, jaws_then);
+        if !same(force, recorded.force) || !same(torque, recorded.torque) || moved {
             self.first.get_or_insert(recorded.tick);
             let difference = force.iter().zip(&recorded.force).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             self.largest = self.largest.max(difference);

@@ -12,6 +12,7 @@ mod config;
 mod ledger;
 mod motion;
 mod port;
+mod shape;
 
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -20,7 +21,7 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use palpate_devices::place::Place;
-use palpate_haptics::exchange::{Receiver as Ring, Sender};
+use palpate_haptics::exchange::{Reader, Receiver as Ring, Sender};
 
 use crate::engine::{Engine, workers};
 use crate::gathering::Gathering;
@@ -35,6 +36,8 @@ pub use crate::realtime::raise_priority;
 pub use config::{HIGHEST_RATE, LOWEST_RATE, PortConfig};
 pub use ledger::Statistics;
 pub use port::{Port, PortReport, PortSample};
+pub use shape::Shape;
+pub(crate) use shape::ShapeWriter;
 
 /// What a session is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,13 +103,14 @@ impl Drop for FailedUnlessEnded<'_> {
 pub struct Session {
     shared: Arc<Shared>,
     ledger: Ledger,
+    shapes: Reader<Shape>,
     /// Taken when the threads are told to start.
     starter: Option<SyncSender<()>>,
     runner: Option<JoinHandle<Result<RunOutcome, RunError>>>,
 }
 
 /// What a set-up thread answers.
-type SetUp = Result<(TickStage, Sender<TickReport>), RunError>;
+type SetUp = Result<(TickStage, Sender<TickReport>, Reader<Shape>), RunError>;
 
 impl Session {
     /// Settles the body, factors its first matrix, opens the trace. Of `options`, `threads` and `trace` are used.
@@ -137,9 +141,9 @@ impl Session {
                 .map_err(|e| RunError::Threads(e.to_string()))?
         };
         match set_up.recv() {
-            Ok(Ok((stage, reports))) => {
+            Ok(Ok((stage, reports, shapes))) => {
                 let port = Port::new(stage, spec, place, reports, Arc::clone(&shared));
-                Ok((Self { shared, ledger, starter: Some(starter), runner: Some(runner) }, port))
+                Ok((Self { shared, ledger, shapes, starter: Some(starter), runner: Some(runner) }, port))
             }
             Ok(Err(error)) => Err(error),
             Err(_) => Err(RunError::Threads("the thread that sets the session up has failed".into())),
@@ -181,6 +185,11 @@ impl Session {
         self.ledger.statistics()
     }
 
+    /// Where the bodies are after the latest step. No thread waits for it.
+    pub fn shape(&mut self) -> &Shape {
+        self.shapes.latest()
+    }
+
     /// Ends the threads and the trace; the answer is `None` the second time.
     ///
     /// # Errors
@@ -218,7 +227,7 @@ fn live(
             let spec = crate::devices::spec(&world.description().device, None);
             let spec = spec.map_err(|e| RunError::Device(e.to_string()))?;
             let config = TickStage::config(world, &spec);
-            Engine::with_tick(world, options, &spec, world.first_pose(), |ends| {
+            Engine::with_tick(world, options, &spec, world.first_tool(), |ends| {
                 TickStage::new(world, &config, &spec, ends.snapshots, ends.poses, ends.line)
             })
         })?;
@@ -233,10 +242,11 @@ fn live(
             return Err(told);
         }
     };
-    let (stage, engine) = engine.split();
+    let (stage, mut engine) = engine.split();
+    let shapes = engine.show();
     let (reports, ticks) = tick_reports(world);
     // Nobody waits any more where the opener has gone.
-    let _ = answer.send(Ok((stage, reports)));
+    let _ = answer.send(Ok((stage, reports, shapes)));
     let outcome = match (started.recv(), shared.start.get()) {
         (Ok(()), Some(&start)) => watch(engine, &pool, ticks, start, shared, &mut ledger),
         _ => {

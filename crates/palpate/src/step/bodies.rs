@@ -11,6 +11,7 @@ use std::ops::Range;
 use nalgebra::{Isometry3, Vector3};
 use palpate_collision::contact::ContactSet;
 use palpate_collision::solid_contact::{Placed, SolidContact, meet};
+use palpate_collision::tool::{Jaw, ToolPose};
 use palpate_collision::{Solid, detect_solid};
 use palpate_constraints::body::{Body, RigidBodies, RigidInverse};
 use palpate_constraints::law::{Coulomb, Law, Signorini};
@@ -194,10 +195,10 @@ fn placed<'a>(
     world: &'a World,
     rigid: &[RigidState],
     far: Far,
-    tool: &Isometry3<f64>,
+    tool: &ToolPose,
 ) -> Option<(&'a Solid, Isometry3<f64>)> {
     match far {
-        Far::Tool => Some((world.tool_solid(), *tool)),
+        Far::Tool(part) => Some((world.tool_solid(part)?, world.tool().part_pose(part, tool))),
         Far::Fixed(k) => world.bodies().fixed.get(k).map(|body| (&body.solid, body.pose)),
         Far::Rigid(k) => {
             let body = world.bodies().rigid.get(k)?;
@@ -209,7 +210,7 @@ fn placed<'a>(
 /// Contacts of all pairs at the begin of the step, on the surface that is refitted already.
 pub(super) fn detection(
     world: &World,
-    tool: &Isometry3<f64>,
+    tool: &ToolPose,
     state: &mut StepState,
     ws: &mut StepWorkspace,
     report: &mut StepReport,
@@ -244,8 +245,8 @@ pub(super) fn detection(
 /// Appends the rows of all pairs to those of the tool.
 pub(super) fn rows(
     world: &World,
-    tool: &Isometry3<f64>,
-    motion: ToolMotion,
+    tool: &ToolPose,
+    motion: &ToolMotion,
     state: &StepState,
     ws: &mut StepWorkspace,
 ) -> RowReport {
@@ -256,7 +257,10 @@ pub(super) fn rows(
     for (pair, found) in world.bodies().pairs.iter().zip(&state.pairs) {
         let from = ws.rows.blocks.len();
         let counterpart = match pair.far {
-            Far::Tool => Some(Counterpart::Tool { reference: tool.translation.vector, motion }),
+            Far::Tool(part) => {
+                let motion = motion.of(world.tool().parts().get(part).and_then(|part| part.jaw));
+                Some(Counterpart::Tool { reference: tool.frame.translation.vector, motion })
+            }
             Far::Fixed(_) => Some(Counterpart::Fixed),
             Far::Rigid(k) => ws.rigid.side(k, &state.rigid).map(Counterpart::Rigid),
         };
@@ -278,7 +282,7 @@ pub(super) fn rows(
         });
         let to = ws.rows.blocks.len();
         ws.rigid.blocks.push(from..to);
-        if pair.far == Far::Tool {
+        if matches!(pair.far, Far::Tool(_)) {
             ws.rigid.tool_blocks = to;
         }
     }
@@ -300,6 +304,13 @@ pub(super) fn tool_block(world: &World, state: &StepState, ws: &StepWorkspace, b
     let contact = ws.rows.blocks.get(block)?.contact as usize;
     let PairContacts::Solids(contacts) = &state.pairs.get(pair)?.contacts else { return None };
     Some((law(world.bodies().pairs.get(pair)?.friction), contacts.get(contact)?.feature | (pair as u64 & 0x1ff) << 52))
+}
+
+/// The jaw of the tool that a block on a rigid body is of.
+pub(super) fn tool_jaw(world: &World, ws: &StepWorkspace, block: usize) -> Option<Jaw> {
+    let pair = ws.rigid.blocks.iter().position(|blocks| blocks.contains(&block))?;
+    let Far::Tool(part) = world.bodies().pairs.get(pair)?.far else { return None };
+    world.tool().parts().get(part)?.jaw
 }
 
 /// First guesses of the forces of all pairs; a contact may have slid by `radius` (m).

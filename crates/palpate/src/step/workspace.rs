@@ -1,6 +1,7 @@
 //! State and workspace of the step: what is the simulation, and what may be thrown away.
 
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
+use palpate_collision::ToolPose;
 use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::contact::ContactSet;
 use palpate_collision::detection::DetectionWorkspace;
@@ -40,7 +41,7 @@ pub struct StepState {
     /// Positions and velocities of all nodes.
     pub fem: FemState,
     /// Pose of the tool in the last step.
-    pub tool: Option<Isometry3<f64>>,
+    pub tool: Option<ToolPose>,
     /// Forces of the last step by surface feature.
     pub warm_start: WarmStart,
     /// Steps that are still taken exactly because an earlier one missed the scene's accuracy.

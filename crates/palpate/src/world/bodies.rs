@@ -63,8 +63,8 @@ pub enum Near {
 /// The body that they point away from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Far {
-    /// The tool.
-    Tool,
+    /// A part of the tool, by number.
+    Tool(usize),
     /// A fixed body, by number.
     Fixed(usize),
     /// A rigid body, by number.
@@ -132,13 +132,13 @@ impl Bodies {
                 max_contacts: body.max_contacts.unwrap_or(contact.max_contacts),
             });
         }
-        bodies.pairs = bodies.find_pairs(detection, contact.friction);
+        bodies.pairs = bodies.find_pairs(detection, contact.friction, description.tools[0].shape.parts().len());
         Ok(bodies)
     }
 
-    /// All pairs in a stated order: each rigid body with the tool, the soft body with each fixed and each rigid one, then
+    /// All pairs in a stated order: each rigid body with the parts of the tool, the soft body with each fixed and each rigid one, then
     /// each rigid body with the fixed ones and with the rigid ones after it.
-    fn find_pairs(&self, detection: &DetectionConfig, of_contact: f64) -> Vec<Pair> {
+    fn find_pairs(&self, detection: &DetectionConfig, of_contact: f64, tool_parts: usize) -> Vec<Pair> {
         let pair = |near, far, friction, max_contacts| Pair {
             near,
             far,
@@ -149,7 +149,9 @@ impl Bodies {
         let mut pairs = Vec::new();
         for (k, body) in self.rigid.iter().enumerate() {
             let most = body.max_contacts.min(detection.max_contacts);
-            pairs.push(pair(Near::Rigid(k), Far::Tool, mean(body.friction, of_contact), most));
+            for part in 0..tool_parts {
+                pairs.push(pair(Near::Rigid(k), Far::Tool(part), mean(body.friction, of_contact), most));
+            }
         }
         for (k, body) in self.fixed.iter().enumerate() {
             pairs.push(pair(Near::Soft, Far::Fixed(k), body.friction, body.max_contacts));
@@ -227,12 +229,14 @@ fn kind(solid: &Solid) -> String {
 pub(super) fn apart(world: &World) -> Result<(), SceneError> {
     let bodies = world.bodies();
     let mut ws = DetectionWorkspace::new(world.geometry());
-    let tool = world.first_pose();
+    let tool = world.first_tool();
     let of_rigid = |k: usize| bodies.rigid.get(k).map(|b| (b.name.as_str(), &b.solid, b.shape_pose(&b.start)));
     for pair in &bodies.pairs {
         let (far, key) = match pair.far {
-            Far::Tool => {
-                (Some((world.description().tools[0].name.as_str(), world.tool_solid(), tool)), "hand.path.0".into())
+            Far::Tool(part) => {
+                let name = world.description().tools[0].name.as_str();
+                let place = world.tool().part_pose(part, &tool);
+                (world.tool_solid(part).map(|solid| (name, solid, place)), "hand.path.0".into())
             }
             Far::Fixed(k) => {
                 let far = bodies.fixed.get(k).map(|b| (b.name.as_str(), &b.solid, b.pose));

@@ -9,16 +9,16 @@ mod geometry;
 mod integration;
 mod plan;
 mod selection;
+mod tool;
 
 use std::fmt::Write as _;
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector3};
 use palpate_collision::broad_phase::SurfaceGeometry;
-use palpate_collision::contact::ContactSet;
-use palpate_collision::detection::{DetectionConfig, DetectionWorkspace, detect};
-use palpate_collision::shape::ToolShape;
+use palpate_collision::detection::DetectionConfig;
 use palpate_collision::solid::Solid;
+use palpate_collision::tool::{Tool, ToolPose};
 use palpate_fem::factor::SymbolicFactor;
 use palpate_fem::mesh::{MeshQuality, TetMesh};
 use palpate_fem::model::{FemConfig, FemError, FemModel};
@@ -52,7 +52,8 @@ pub struct World {
     symbolic: Arc<SymbolicFactor>,
     geometry: SurfaceGeometry,
     detection: DetectionConfig,
-    tool: Solid,
+    /// The parts of the tool as other bodies meet them.
+    tool: Vec<Solid>,
     bodies: Bodies,
     integration: Integration,
     plan: Plan,
@@ -104,13 +105,13 @@ impl World {
     }
 
     /// The shape of the tool.
-    pub fn tool(&self) -> &ToolShape {
+    pub fn tool(&self) -> &Tool {
         &self.description().tools[0].shape
     }
 
-    /// The same, as other bodies meet it.
-    pub fn tool_solid(&self) -> &Solid {
-        &self.tool
+    /// A part of it as other bodies meet it.
+    pub fn tool_solid(&self, part: usize) -> Option<&Solid> {
+        self.tool.get(part)
     }
 
     /// Fixed and rigid bodies, and the pairs of bodies that can touch.
@@ -198,7 +199,12 @@ impl World {
     /// The pose of the tool before the device has told one: where the hand's path begins, or without one the device's
     /// origin.
     pub fn first_pose(&self) -> Isometry3<f64> {
-        first_pose(self.description())
+        self.first_tool().frame
+    }
+
+    /// The same with the opening of its jaws.
+    pub fn first_tool(&self) -> ToolPose {
+        tool::first(self.description())
     }
 
     /// What was understood of the scene, as text for people.
@@ -303,11 +309,6 @@ fn one_line(value: &impl serde::Serialize) -> String {
     toml::to_string(value).unwrap_or_default().trim_end().replace('\n', ", ")
 }
 
-fn first_pose(description: &SceneDescription) -> Isometry3<f64> {
-    let [x, y, z] = description.hand.path.first().map_or(description.device.origin, |key| key.position);
-    Isometry3::translation(x, y, z)
-}
-
 /// Builds the world of a checked scene.
 pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
     let Loaded { mesh, warnings, unit } = load(scene)?;
@@ -399,7 +400,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         .map_err(|e| scene.at("body.0", e.to_string(), "use a mesh with a closed boundary"))?;
     let bodies = Bodies::new(scene, &detection)?;
     let world = World {
-        tool: description.tools[0].shape.clone().into(),
+        tool: description.tools[0].shape.parts().iter().map(|part| part.shape.clone().into()).collect(),
         bodies,
         scene: scene.clone(),
         mesh,
@@ -415,7 +416,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         changes: Vec::new(),
         left: None,
     };
-    tool_outside(&world)?;
+    tool::outside(&world)?;
     bodies::apart(&world)?;
     with_changes(world, &config, course)
 }
@@ -444,23 +445,4 @@ fn with_changes(mut world: World, config: &FemConfig, course: Vec<Stretch>) -> R
     }
     world.changes = change::changes(&world, later)?;
     Ok(world)
-}
-
-/// Refuses a tool that begins inside the body: there is no skin that it came through. Where a real hand begins is its
-/// own affair.
-fn tool_outside(world: &World) -> Result<(), SceneError> {
-    if world.description().hand.path.is_empty() {
-        return Ok(());
-    }
-    let mut ws = DetectionWorkspace::new(&world.geometry);
-    let mut contacts = ContactSet::with_capacity(world.detection.max_contacts);
-    let pose = world.first_pose();
-    let report =
-        detect(&world.geometry, &world.mesh.nodes, world.tool(), &pose, &world.detection, &mut ws, &mut contacts);
-    if report.tool_inside {
-        let p = pose.translation.vector;
-        let message = format!("the tool begins inside the body, at {:.4}, {:.4}, {:.4} m", p.x, p.y, p.z);
-        return Err(world.scene.at("hand.path.0", message, "begin outside the skin, then press"));
-    }
-    Ok(())
 }

@@ -102,5 +102,7 @@ record! {
         33 => solver_attempts: u32, "";
         /// Events that had changed the body before this step.
         34 => phase: u32, "";
+        /// Angle between the tool's jaws that the step used (rad); 0 for a tool without.
+        40 => tool_opening: f64, "rad";
     }
 }

@@ -85,5 +85,15 @@ record! {
         20 => work_ns: u64, "ns";
         /// Change of the force before limits that a new snapshot brings at the same pose (N); 0 at other ticks.
         21 => force_jump: f64, "N";
+        /// How far the device's gripper is open: 0 closed, 1 open.
+        40 => device_gripper: f64, "";
+        /// Angle between the tool's jaws behind the coupling (rad); 0 for a tool without.
+        41 => tool_opening: f64, "rad";
+        /// Torque on the opening sent to the device, after all limits; positive opens (N m).
+        42 => gripper_torque: f64, "N m";
+        /// The same before limits and fading (N m).
+        43 => gripper_torque_unlimited: f64, "N m";
+        /// Torque before limits and fading, about the tool's origin (N m).
+        44 => torque_unlimited: [f64; 3], "N m";
     }
 }
