@@ -146,7 +146,7 @@ fn normal_compliance_is_the_derivative_of_the_distance_by_the_force() {
             let moved = Vector3::from_fn(|c, _| h * (v[k + c] - free[k + c]));
             point += (before.q[node as usize] + moved) * weight;
         }
-        world.tool().signed_distance(&pose, &point).distance
+        world.tool().signed_distance(&pose, &point)
     };
     let m = sim.snapshot().rows();
     let scale = sim.snapshot().compliance().iter().fold(0.0f64, |s, w| s.max(w.abs()));

@@ -128,7 +128,7 @@ fn a_tool_presses_up_to_the_threshold_and_goes_on_by_step_and_tick() {
     let world = block::world(|scene| {
         puncture(scene, limit);
         scene.device.kind = "scripted".into();
-        let key = |time, z| ScriptKey { time, position: [0.037, 0.041, z], release: false };
+        let key = |time, z| ScriptKey { time, position: [0.037, 0.041, z], ..ScriptKey::default() };
         scene.hand.path = vec![key(0.0, SKIN + 0.006), key(1.0, SKIN - 0.008), key(1.2, SKIN - 0.008)];
     });
     let mut sim = Simulation::new(&world).unwrap();
@@ -167,7 +167,7 @@ fn puncture(scene: &mut SceneDescription, limit: f64) {
     let contact = &mut scene.contact;
     (contact.law, contact.friction, contact.limit) = (ContactLawKind::Threshold, 0.0, Some(limit));
     contact.max_contacts = 1;
-    scene.tools[0].shape = palpate::collision::shape::ToolShape::sphere(0.003).unwrap();
+    scene.tools[0].shape = palpate::collision::shape::ToolShape::sphere(0.003).unwrap().into();
     scene.solver.tolerance = 1e-9;
 }
 
@@ -185,7 +185,7 @@ fn the_tick_slides_with_trescas_limit_at_any_depth() {
             scene.bodies[0].fixed.push(NodeSelection::NodeSet("z_max".into()));
             (scene.contact.max_contacts, scene.solver.tick_tolerance) = (1, 1e-9);
             scene.device.kind = "scripted".into();
-            let key = |time, x, z| ScriptKey { time, position: [x, 0.04, z], release: false };
+            let key = |time, x, z| ScriptKey { time, position: [x, 0.04, z], ..ScriptKey::default() };
             scene.hand.path = vec![
                 key(0.0, 0.033, height + 0.003),
                 key(0.2, 0.036, height + 0.003),

@@ -71,7 +71,7 @@ fn a_fine_block_pressed_fast_by_an_old_factor_comes_to_rest() {
 fn half_the_height(change: impl FnOnce(&mut SceneDescription)) -> (RunOutcome, Recorder) {
     let world = block::world(|scene| {
         scene.device.kind = "scripted".into();
-        let key = |time, z| ScriptKey { time, position: [0.033, 0.037, z], release: false };
+        let key = |time, z| ScriptKey { time, position: [0.033, 0.037, z], ..ScriptKey::default() };
         scene.hand.path = vec![key(0.0, 0.053), key(0.67, 0.030), key(1.2, 0.030)];
         change(scene);
     });

@@ -228,7 +228,7 @@ fn contacts_beyond_the_capacity_are_counted_and_the_deepest_kept() {
 
 #[test]
 fn a_tool_that_jumps_sends_no_wild_force() {
-    let key = |time, z| ScriptKey { time, position: [0.033, 0.037, z], release: false };
+    let key = |time, z| ScriptKey { time, position: [0.033, 0.037, z], ..ScriptKey::default() };
     // 0.1 m in less than a step: into the skin, into the middle, through the block, and back out.
     for depth in [0.045, 0.030, 0.010, -0.020] {
         for compliance in [ComplianceMethod::Asynchronous, ComplianceMethod::Exact] {

@@ -21,7 +21,7 @@ fn fixed_skin_holds_the_tool_with_the_force_of_the_coupling_and_rubs_with_fricti
         // Free nodes remain at half height; the ball touches only the upper wall.
         scene.bodies[0].fixed.push(NodeSelection::NodeSet("z_max".into()));
         scene.device.kind = "scripted".into();
-        let key = |time, x, z| ScriptKey { time, position: [x, 0.04, z], release: false };
+        let key = |time, x, z| ScriptKey { time, position: [x, 0.04, z], ..ScriptKey::default() };
         scene.hand.path = vec![
             key(0.0, 0.033, height + 0.003),
             key(0.4, 0.033, height - depth),

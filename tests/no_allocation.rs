@@ -5,7 +5,7 @@
 mod block;
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
-use nalgebra::Isometry3;
+
 use palpate::constraints::compliance::ComplianceMethod;
 use palpate::fem::assembly::assemble;
 use palpate::fem::element::ElementKind;
@@ -172,7 +172,7 @@ fn step_factor_and_tick_together_allocate_nothing_over_ten_thousand_ticks() {
             let (mut port, mut factors) = refresh(&first, &ws.fem.system);
             let mut state = StepState::new(&world, rest);
             let (mut snapshots, snapshot_reader) = latest(&world.empty_snapshot());
-            let (pose_writer, mut poses) = latest::<Isometry3<f64>>(&world.first_pose());
+            let (pose_writer, mut poses) = latest(&world.first_tool());
             let mut ticker = Ticker::open(&world, snapshot_reader, pose_writer).unwrap();
             let (mut touching, mut free, mut refreshed, mut on, mut offs) = (0, 0, 0, false, 0);
             let mut beat = |from: u64, to: u64| {
@@ -338,4 +338,43 @@ fn steps_with_fixed_and_rigid_bodies_allocate_nothing_either() {
             assert!(touching > 0 && most >= 5 && at_wall > 0, "{integrator:?}: {touching}, {most}");
         });
     }
+}
+
+/// The bundled grasp twice: five parts, two jaws, a gripper, a body that nothing else holds.
+#[test]
+fn a_grasper_that_closes_lifts_and_lets_go_allocates_nothing() {
+    let mut scene = palpate::scene::Scene::bundled("grasp").unwrap();
+    let again = |scene: &mut palpate::scene::SceneDescription| {
+        let once = scene.hand.path.clone();
+        scene.hand.path.extend(once.iter().map(|key| ScriptKey { time: 2.7 + key.time, ..*key }));
+    };
+    scene.edit(again).unwrap();
+    let world = scene.build().unwrap();
+    on_a_worker(|| {
+        let mut ws = StepWorkspace::new(&world);
+        let rest = world.model().rest_state();
+        assemble(world.model(), &rest, world.dt(), &[], &mut ws.fem);
+        let factor = FactorSample::new(world.symbolic(), 0, 0, 0.0, &rest.q, &ws.fem.system).unwrap();
+        let mut state = StepState::new(&world, rest);
+        let (mut snapshots, snapshot_reader) = latest(&world.empty_snapshot());
+        let (pose_writer, mut poses) = latest(&world.first_tool());
+        let mut ticker = Ticker::open(&world, snapshot_reader, pose_writer).unwrap();
+        let (mut squeezed, mut most) = (0, 0);
+        let mut beat = |from: u64, to: u64| {
+            for index in from..to {
+                let time = index as f64 * 1e-3;
+                if index % 33 == 0 {
+                    let input = StepInput { time, tool: *poses.latest(), factor: &factor };
+                    most =
+                        most.max(step(&world, &input, &mut state, &mut ws, snapshots.value_mut()).detection.contacts);
+                    snapshots.publish();
+                }
+                squeezed += usize::from(ticker.tick(time, 1e-3).gripper.torque > 0.0);
+            }
+        };
+        beat(0, 2700);
+        let seen = violations(|| beat(2700, 5400));
+        assert_eq!(seen, 0);
+        assert!(squeezed > 2000 && most > 20, "{squeezed} ticks with a force, {most} contacts");
+    });
 }

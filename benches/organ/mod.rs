@@ -61,7 +61,7 @@ pub(crate) fn liver_under_ball(cell: f64) -> World {
 
 /// Puts a ball that meets the nodes of its skin in the place of the liver's tool.
 pub(crate) fn under_ball(scene: &mut SceneDescription) {
-    scene.tools[0].shape = ToolShape::sphere(BALL).expect("the radius is positive");
+    scene.tools[0].shape = ToolShape::sphere(BALL).expect("the radius is positive").into();
     scene.contact.max_contacts = CAPACITY;
     scene.contact.at = ContactKind::Nodes;
     scene.hand.path.iter_mut().for_each(|key| key.position[1] -= BALL);

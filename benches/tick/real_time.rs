@@ -38,7 +38,7 @@ impl Observer for Gathered {
         for (tail, (_, time)) in self.stages.iter_mut().zip(STAGES) {
             tail.record(time(&report.times));
         }
-        self.tool.push(report.tool);
+        self.tool.push(report.tool.frame);
         if report.active > 0 {
             self.contacts.push([report.detection.contacts, report.active]);
         }

@@ -5,7 +5,9 @@
  *
  *   palpate_pthread [scene [seconds]]      "block" is a scene that the library carries
  *
- * Prints the force at each depth, the largest one, and what the simulation was like.
+ * Meanwhile the main thread does what a screen does: thirty times a second it copies where the nodes of the body are.
+ *
+ * Prints the force at each depth, the largest one, what the simulation was like, and how deep the skin was dented.
  */
 #define _POSIX_C_SOURCE 200809L
 
@@ -49,6 +51,7 @@ typedef struct {
     long ticks, late, errors;
     double largest_force, largest_work;
     uint32_t flags_seen;
+    volatile int done;
     sample *samples;
 } driver;
 
@@ -145,6 +148,7 @@ static void *drive(void *argument)
         me->ticks++;
         for (next += PERIOD_NS; next <= now; next += PERIOD_NS) me->late++;
     }
+    me->done = 1;
     return NULL;
 }
 
@@ -183,6 +187,43 @@ static void print_depths(const driver *d)
     }
 }
 
+/* What a screen would draw: the triangles once, the nodes in each picture. */
+typedef struct {
+    palpate_surface surface;
+    double *positions; /* x, y, z of each node (m) */
+    uint32_t *triangles;
+    double dent; /* most that a node of the skin has gone down (m) */
+    long pictures;
+} screen;
+
+static int open_screen(const palpate_simulation *simulation, screen *s)
+{
+    s->surface.struct_size = sizeof s->surface;
+    if (check(palpate_surface_counts(simulation, &s->surface), "surface")) return 1;
+    s->positions = calloc(3 * s->surface.nodes, sizeof *s->positions);
+    s->triangles = calloc(3 * s->surface.triangles, sizeof *s->triangles);
+    if (s->positions == NULL || s->triangles == NULL) return 1;
+    return check(palpate_surface_triangles(simulation, s->surface.events, s->triangles, s->surface.triangles), "triangles");
+}
+
+/* Draws until the driver's thread has ended. */
+static void draw(const palpate_simulation *simulation, screen *s, const volatile int *done)
+{
+    size_t numbers = 3 * s->surface.nodes;
+    double *rest = malloc(numbers * sizeof *rest);
+    if (rest == NULL) return;
+    while (!*done) {
+        if (check(palpate_surface_positions(simulation, s->positions, s->surface.nodes, &s->surface), "positions")) break;
+        if (s->pictures++ == 0) memcpy(rest, s->positions, numbers * sizeof *rest);
+        for (size_t k = 0; k < 3 * s->surface.triangles; k++) {
+            size_t z = 3 * (size_t)s->triangles[k] + 2;
+            if (rest[z] - s->positions[z] > s->dent) s->dent = rest[z] - s->positions[z];
+        }
+        sleep_until(now_ns() + 33000000);
+    }
+    free(rest);
+}
+
 static void print_statistics(const palpate_statistics_data *s)
 {
     static const char *const phases[] = {"ready", "running", "paused", "stopped", "failed"};
@@ -214,6 +255,8 @@ int main(int argc, char **argv)
     options.max_force = 6.0;
 
     palpate_simulation *simulation = NULL;
+    screen screen;
+    memset(&screen, 0, sizeof screen);
     pthread_t thread;
     int failed = 1;
     printf("palpate %s, scene %s\n", palpate_version(), scene);
@@ -221,8 +264,9 @@ int main(int argc, char **argv)
     if (driver.samples == NULL) return 1;
     if (check(palpate_create_from_file(scene, &options, &simulation), "create") == 0 &&
         check(palpate_open_port(simulation, &driver.port), "open") == 0 &&
-        check(palpate_start(simulation), "start") == 0) {
+        open_screen(simulation, &screen) == 0 && check(palpate_start(simulation), "start") == 0) {
         if (pthread_create(&thread, NULL, drive, &driver) == 0) {
+            draw(simulation, &screen, &driver.done);
             pthread_join(thread, NULL);
             palpate_statistics_data statistics;
             memset(&statistics, 0, sizeof statistics);
@@ -230,6 +274,9 @@ int main(int argc, char **argv)
             failed = check(palpate_statistics(simulation, &statistics), "statistics");
             print_depths(&driver);
             print_statistics(&statistics);
+            printf("screen: %ld pictures of %llu nodes and %llu triangles, dent %.2f mm\n", screen.pictures,
+                   (unsigned long long)screen.surface.nodes, (unsigned long long)screen.surface.triangles,
+                   screen.dent * 1e3);
             printf("largest force %.4f N, largest work %.1f us, %ld late, %ld errors\n", driver.largest_force,
                    driver.largest_work * 1e6, driver.late, driver.errors);
         }
@@ -238,5 +285,7 @@ int main(int argc, char **argv)
     palpate_close_port(driver.port);
     palpate_destroy(simulation);
     free(driver.samples);
+    free(screen.positions);
+    free(screen.triangles);
     return failed || driver.errors > 0 ? 1 : 0;
 }

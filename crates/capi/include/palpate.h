@@ -15,14 +15,19 @@
  *
  * FRAME AND UNITS
  *   SI units: m, s, N, N m, rad. Right-handed frames. Input and output of a tick are in the frame of the device, which
- *   stands in the world as palpate_options.origin and .axes say. Forces and torques act ON THE HAND: pressing down on
- *   tissue gives a force that points up. Quaternions are w, x, y, z.
+ *   stands in the world as palpate_options.origin and .axes say; what is for drawing (palpate_surface_...) is in the world. Forces and torques act ON THE HAND: pressing down on
+ *   tissue gives a force that points up. Quaternions are w, x, y, z. A gripper is told as 0 closed to 1 open, and gets
+ *   back the work of a whole opening (J), which the driver divides by the range of its device.
  *
  * SAFETY
  *   In this order: a pose, a number of the tissue's answer or a call that is not sound ends the force at once, and it
  *   comes back as a ramp; an old model of the tissue fades the force; force and torque are cut to their limits; their
  *   change is cut to the slew rate. Every output is finite, whatever comes in. Limits act on what the library sends: a
  *   driver that does not call must rely on the watchdog of its own device.
+ *
+ * DRAWING
+ *   Once: palpate_surface_counts, palpate_surface_triangles. In each picture: palpate_surface_positions. The library
+ *   copies into the caller's memory; neither ticks nor steps wait for it. One thread draws at a time.
  *
  * VERSIONS
  *   Set struct_size to sizeof the struct before each struct is given to the library. Structs grow at their ends only; a
@@ -171,6 +176,11 @@
  The field velocity and angular_velocity of the input are measured. Without it the library finds them from the poses.
  */
 #define PALPATE_INPUT_VELOCITY (1u << 0)
+
+/*
+ The field gripper of the input is measured.
+ */
+#define PALPATE_INPUT_GRIPPER (1u << 1)
 
 /*
  What a function answers. Negative: an error; positive: information; 0: all is well.
@@ -516,6 +526,11 @@ typedef struct palpate_input {
      Always 0.
      */
     uint32_t reserved;
+    /*
+     How far the gripper is open: 0 closed, 1 open. Counts only with PALPATE_INPUT_GRIPPER; without it the gripper is
+     open.
+     */
+    double gripper;
 } palpate_input;
 
 /*
@@ -586,7 +601,57 @@ typedef struct palpate_output {
      Energy that went through the port in the contact that lasts (J); positive: the hand has put it in.
      */
     double energy;
+     Contact torque about the tool's origin, before limits and fades (N m).
+     */
+    double contact_torque[3];
+    /*
+     Force on the gripper, for its motor, after all limits, as the work of a whole opening from closed to open (J):
+     divide by the range of the device's gripper, in rad for a torque in N m, in m for a force in N. Positive opens.
+     */
+    double gripper_effort;
+    /*
+     Torque on the angle between the tool's jaws, after all limits (N m); positive opens.
+     */
+    double gripper_torque;
+    /*
+     Angle between the tool's jaws behind the coupling (rad): what to draw. 0 for a tool without.
+     */
+    double tool_opening;
 } palpate_output;
+
+/*
+ The bodies of a simulation at a step. Set struct_size before the call; the library fills in the rest.
+ */
+typedef struct palpate_surface {
+    /*
+     sizeof(palpate_surface).
+     */
+    uint32_t struct_size;
+    /*
+     Events that had happened: with each of them the triangles change, and nothing else changes them.
+     */
+    uint32_t events;
+    /*
+     Steps so far.
+     */
+    uint64_t steps;
+    /*
+     Time of the end of the latest (s).
+     */
+    double time;
+    /*
+     Nodes of the soft body, those inside it too. Does not change.
+     */
+    uint64_t nodes;
+    /*
+     Triangles of its surface.
+     */
+    uint64_t triangles;
+    /*
+     Rigid bodies, in the order of the scene. Does not change.
+     */
+    uint64_t rigid_bodies;
+} palpate_surface;
 
 #ifdef __cplusplus
 extern "C" {
@@ -737,6 +802,56 @@ palpate_status palpate_tick(const struct palpate_port *port,
  `port` is NULL or was opened and not closed, and no thread ticks with it.
  */
 palpate_status palpate_close_port(struct palpate_port *port);
+
+/*
+ How many nodes, triangles and rigid bodies there are, and at which step they are. Of a simulation that has a port.
+
+ The caller answers for this:
+ `simulation` is NULL or was created and not destroyed; `out` NULL or a struct whose struct_size is right.
+ */
+palpate_status palpate_surface_counts(const struct palpate_simulation *simulation,
+                                      struct palpate_surface *out);
+
+/*
+ Copies where the nodes of the soft body are after the latest step: x, y, z of each, in the world (m). `room` is the
+ number of nodes that `positions` has room for, at least palpate_surface.nodes. Neither a tick nor a step waits for it.
+ `out` may be NULL; it tells which step this is, and where its events are not those that the triangles were copied
+ for, to copy them anew.
+
+ The caller answers for this:
+ `simulation` is NULL or was created and not destroyed; `positions` has room for 3 `room` numbers; `out` NULL or a
+ struct whose struct_size is right.
+ */
+palpate_status palpate_surface_positions(const struct palpate_simulation *simulation,
+                                         double *positions,
+                                         uint64_t room,
+                                         struct palpate_surface *out);
+
+/*
+ Copies the triangles of the soft body's surface after this number of events: three nodes each, counted from 0,
+ counter-clockwise from outside. `room` is the number of triangles that `triangles` has room for, at least
+ palpate_surface.triangles.
+
+ The caller answers for this:
+ `simulation` is NULL or was created and not destroyed; `triangles` has room for 3 `room` numbers.
+ */
+palpate_status palpate_surface_triangles(const struct palpate_simulation *simulation,
+                                         uint32_t events,
+                                         uint32_t *triangles,
+                                         uint64_t room);
+
+/*
+ Copies where the rigid bodies are after the latest step, in the world: seven numbers each, the origin x, y, z of its
+ shape (m) and a quaternion w, x, y, z. `room` is the number of bodies that `poses` has room for.
+
+ The caller answers for this:
+ `simulation` is NULL or was created and not destroyed; `poses` has room for 7 `room` numbers; `out` NULL or a struct
+ whose struct_size is right.
+ */
+palpate_status palpate_rigid_poses(const struct palpate_simulation *simulation,
+                                   double *poses,
+                                   uint64_t room,
+                                   struct palpate_surface *out);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -13,9 +13,11 @@ mod port;
 mod simulation;
 mod statistics;
 mod status;
+mod surface;
 
 pub use options::{Options, PALPATE_OPTION_OBSERVE_ENERGY_ONLY};
 pub use port::*;
 pub use simulation::*;
 pub use statistics::*;
 pub use status::{Status, palpate_last_error, palpate_status_text, palpate_version};
+pub use surface::*;

@@ -74,6 +74,8 @@ const _: () = {
 
 /// The field velocity and angular_velocity of the input are measured. Without it the library finds them from the poses.
 pub const PALPATE_INPUT_VELOCITY: u32 = 1 << 0;
+/// The field gripper of the input is measured.
+pub const PALPATE_INPUT_GRIPPER: u32 = 1 << 1;
 
 /// What the device measured, in its own frame.
 #[repr(C)]
@@ -99,6 +101,9 @@ pub struct Input {
     pub buttons: u32,
     /// Always 0.
     pub reserved: u32,
+    /// How far the gripper is open: 0 closed, 1 open. Counts only with PALPATE_INPUT_GRIPPER; without it the gripper is
+    /// open.
+    pub gripper: f64,
 }
 
 // SAFETY: repr(C), plain numbers; LEAST is the offset of a field.
@@ -116,6 +121,7 @@ unsafe impl Layout for Input {
             angular_velocity: [0.0; 3],
             buttons: 0,
             reserved: 0,
+            gripper: 1.0,
         }
     }
 }
@@ -127,6 +133,11 @@ impl Input {
         whole && self.fields & PALPATE_INPUT_VELOCITY != 0
     }
 
+    /// As with the velocity.
+    fn has_gripper(&self) -> bool {
+        self.struct_size as usize >= size_of::<Self>() && self.fields & PALPATE_INPUT_GRIPPER != 0
+    }
+
     fn sample(&self) -> PortSample {
         PortSample {
             time_ns: (self.time_ns != 0).then_some(self.time_ns),
@@ -134,6 +145,7 @@ impl Input {
             orientation: if self.orientation == [0.0; 4] { [1.0, 0.0, 0.0, 0.0] } else { self.orientation },
             velocity: self.has_velocity().then_some([self.velocity, self.angular_velocity]),
             buttons: self.buttons,
+            gripper: if self.has_gripper() { self.gripper } else { 1.0 },
         }
     }
 }
@@ -174,6 +186,15 @@ pub struct Output {
     pub phase: u32,
     /// Energy that went through the port in the contact that lasts (J); positive: the hand has put it in.
     pub energy: f64,
+    /// Contact torque about the tool's origin, before limits and fades (N m).
+    pub contact_torque: [f64; 3],
+    /// Force on the gripper, for its motor, after all limits, as the work of a whole opening from closed to open (J):
+    /// divide by the range of the device's gripper, in rad for a torque in N m, in m for a force in N. Positive opens.
+    pub gripper_effort: f64,
+    /// Torque on the angle between the tool's jaws, after all limits (N m); positive opens.
+    pub gripper_torque: f64,
+    /// Angle between the tool's jaws behind the coupling (rad): what to draw. 0 for a tool without.
+    pub tool_opening: f64,
 }
 
 // SAFETY: repr(C), plain numbers; LEAST is the offset of a field.
@@ -198,6 +219,10 @@ unsafe impl Layout for Output {
             contacts: 0,
             phase: Phase::Failed as u32,
             energy: 0.0,
+            contact_torque: [0.0; 3],
+            gripper_effort: 0.0,
+            gripper_torque: 0.0,
+            tool_opening: 0.0,
         }
     }
 }
@@ -224,6 +249,10 @@ impl Output {
             contacts: r.active,
             phase: report.phase as u32,
             energy: r.energy.account,
+            contact_torque: contact.torque.into(),
+            gripper_effort: r.gripper.effort,
+            gripper_torque: r.gripper.torque,
+            tool_opening: r.gripper.opening,
         }
     }
 }

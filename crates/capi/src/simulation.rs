@@ -25,6 +25,11 @@ pub struct Simulation {
 }
 
 impl Simulation {
+    /// What it simulates.
+    pub(crate) fn world(&self) -> &World {
+        &self.world
+    }
+
     fn session(&self) -> MutexGuard<'_, Option<Session>> {
         // A panic in here has left a session that can still be stopped.
         self.session.lock().unwrap_or_else(PoisonError::into_inner)
@@ -154,7 +159,7 @@ pub unsafe extern "C" fn palpate_open_port(simulation: *const Simulation, out: *
 
 /// # Safety
 /// `simulation` is NULL or was created and not destroyed.
-unsafe fn with_session(simulation: *const Simulation, body: impl FnOnce(&mut Session) -> Status) -> Status {
+pub(crate) unsafe fn with_session(simulation: *const Simulation, body: impl FnOnce(&mut Session) -> Status) -> Status {
     guarded(|| {
         // SAFETY: as the caller promises.
         let Some(simulation) = (unsafe { simulation.as_ref() }) else { return fail_plainly(Status::ErrorNull) };

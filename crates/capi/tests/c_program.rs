@@ -76,6 +76,9 @@ fn check_physics(text: &str) {
     for [force, upwards] in &forces[1..] {
         assert!(*upwards > 0.9 * force && *force > 0.0, "the force is against the penetration");
     }
+    // The screen saw the whole body move: the ball goes down by some millimetres, the hand's spring takes the rest.
+    let dent = number(text, "screen:", "dent");
+    assert!(number(text, "screen:", "screen:") > 3.0 && (0.5..8.0).contains(&dent), "{dent} mm");
     // From one millimetre of depth on, where the ramp after the start has ended.
     assert!(forces[1..].windows(2).all(|w| w[1][0] > w[0][0]), "the force grows with the depth: {forces:?}");
     let largest = number(text, "largest force", "largest force");

@@ -6,7 +6,7 @@ use std::path::Path;
 fn header() -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let config = cbindgen::Config::from_file(folder.join("cbindgen.toml")).expect("cbindgen.toml is read");
-    let files = ["status", "options", "statistics", "simulation", "port"];
+    let files = ["status", "options", "statistics", "simulation", "port", "surface"];
     let builder = files.iter().fold(cbindgen::Builder::new().with_config(config), |builder, file| {
         builder.with_src(folder.join(format!("src/{file}.rs")))
     });
@@ -31,7 +31,7 @@ fn the_header_is_that_of_the_source() {
 
 #[test]
 fn every_function_of_the_source_is_in_the_header_once() {
-    let source = ["status", "simulation", "port"].map(|file| {
+    let source = ["status", "simulation", "port", "surface"].map(|file| {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("src/{file}.rs"));
         std::fs::read_to_string(path).expect("the source is there")
     });

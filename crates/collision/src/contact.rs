@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::held::HeldPoint;
+use crate::tool::MAX_PARTS;
 
 /// A potential contact: a material point of the tissue, the direction in which the tool pushes it, and their gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,6 +36,8 @@ pub struct ContactSet {
     pub contacts: Vec<Contact>,
     /// Outward normal of the skin through which the tool came; `None` before the first detection.
     pub side: Option<Vector3<f64>>,
+    /// The same of the tool's further parts, the second one first; empty for a tool of one shape.
+    pub other_sides: Vec<Option<Vector3<f64>>>,
     /// Points that carried a force in the step before ([`hold`](Self::hold)).
     pub held: Vec<HeldPoint>,
 }
@@ -44,7 +47,8 @@ impl ContactSet {
     ///
     /// [`DetectionConfig::max_contacts`]: crate::detection::DetectionConfig::max_contacts
     pub fn with_capacity(capacity: usize) -> Self {
-        Self { contacts: Vec::with_capacity(capacity), side: None, held: Vec::with_capacity(capacity) }
+        let (contacts, held) = (Vec::with_capacity(capacity), Vec::with_capacity(capacity));
+        Self { contacts, side: None, other_sides: Vec::with_capacity(MAX_PARTS), held }
     }
 
     /// Forgets the contacts, the held points and the side from which the tool came; keeps the memory.
@@ -52,11 +56,25 @@ impl ContactSet {
         self.contacts.clear();
         self.held.clear();
         self.side = None;
+        self.other_sides.clear();
     }
 }
 
+/// The memory of the side from which a part of the tool came.
+pub(crate) fn side_of<'a>(
+    part: usize,
+    first: &'a mut Option<Vector3<f64>>,
+    others: &'a mut Vec<Option<Vector3<f64>>>,
+) -> &'a mut Option<Vector3<f64>> {
+    let Some(other) = part.checked_sub(1) else { return first };
+    if others.len() <= other {
+        others.resize(other + 1, None);
+    }
+    &mut others[other]
+}
+
 /// Largest tool feature (vertex or edge of a hull) that fits into a feature identifier.
-pub(crate) const MAX_TOOL_FEATURES: usize = (1 << 29) - 1;
+pub(crate) const MAX_TOOL_FEATURES: usize = (1 << 22) - 1;
 
 /// What kind of tissue feature an identifier names; the three high bits of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,7 +89,8 @@ pub enum FeatureKind {
 
 /// Identifier of a contact: the tissue feature, and the tool's feature where one tissue feature can hold several.
 ///
-/// Layout: 3 bits of kind, 29 bits of tool feature (0 where the tool has none), 32 bits of tissue feature.
+/// Layout: 3 bits of kind, 2 of the tool's jaw and 5 of its part ([`crate::tool`]; 0 of a tool of one shape), 22 of the
+/// part's feature (0 where it has none), 32 of tissue feature.
 pub fn feature_id(kind: FeatureKind, tissue: u32, tool: u32) -> u64 {
     let kind = match kind {
         FeatureKind::Vertex => 0u64,

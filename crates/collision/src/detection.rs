@@ -16,131 +16,25 @@
 //! nearest skin; [`DetectionReport::tool_inside`] tells set-up to refuse it.
 
 use nalgebra::{Isometry3, Vector3};
-use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use crate::broad_phase::{SurfaceGeometry, is_usable};
-use crate::contact::{Contact, ContactSet};
-use crate::features::{Collector, Feature, Meeting, by_depth};
+use crate::contact::{ContactSet, side_of};
+use crate::features::{Collector, Feature, Meeting};
 use crate::held::stand_in;
 use crate::narrow_phase::HullInWorld;
 use crate::shape::ToolShape;
+use crate::tool::{PART_BITS, PlacedPart, Tool, ToolPose};
 use crate::tree::Aabb;
 
-/// Where contacts are taken.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ContactKind {
-    /// At the nodes of the surface. On a coarse mesh the closest to the converged force, but a tool smaller than an
-    /// element can pass between nodes.
-    Nodes,
-    /// At the deepest points of triangles. No tool passes; on a coarse mesh too stiff.
-    #[default]
-    Faces,
-}
+mod config;
+mod keep;
+mod report;
+mod visited;
 
-/// How contacts are found. Lengths in m, angles in rad.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct DetectionConfig {
-    /// Nodes or faces (default faces).
-    pub kind: ContactKind,
-    /// Contacts with a gap up to this become rows (default 2 mm): what the tool can approach in one step.
-    pub margin: f64,
-    /// How far the whole tool may lie below the skin and still be pushed out (default 10 mm).
-    pub reach: f64,
-    /// Contacts closer together than this \[m\] merge into the deepest (default 0: identical points only). Points that
-    /// carried a force in the step before do not take part: they stay beside a deeper one.
-    pub merge_distance: f64,
-    /// Contacts whose normals differ by more than this \[rad\] never merge (default 0.2).
-    pub merge_angle: f64,
-    /// Most contacts kept, the deepest first (default 64).
-    pub max_contacts: usize,
-}
-
-impl Default for DetectionConfig {
-    fn default() -> Self {
-        Self {
-            kind: ContactKind::Faces,
-            margin: 2e-3,
-            reach: 1e-2,
-            merge_distance: 0.0,
-            merge_angle: 0.2,
-            max_contacts: 64,
-        }
-    }
-}
-
-/// A detection parameter out of its range.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("detection: {name} = {value} must be {bound}")]
-pub struct DetectionConfigError {
-    /// The parameter.
-    pub name: &'static str,
-    /// Its value.
-    pub value: f64,
-    /// What it must be.
-    pub bound: &'static str,
-}
-
-impl DetectionConfig {
-    /// Checks the ranges.
-    ///
-    /// # Errors
-    /// Names the first parameter that is out of its range.
-    pub fn validate(&self) -> Result<(), DetectionConfigError> {
-        for (name, value) in [
-            ("margin", self.margin),
-            ("reach", self.reach),
-            ("merge_distance", self.merge_distance),
-            ("merge_angle", self.merge_angle),
-        ] {
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(DetectionConfigError { name, value, bound: "at least zero and finite" });
-            }
-        }
-        if self.max_contacts == 0 {
-            return Err(DetectionConfigError { name: "max_contacts", value: 0.0, bound: "at least 1" });
-        }
-        Ok(())
-    }
-}
-
-/// What one detection did.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DetectionReport {
-    /// Features whose gap was computed.
-    pub candidates: usize,
-    /// Contacts handed out.
-    pub contacts: usize,
-    /// Features within the margin that were rejected because they face away from the side the tool came from.
-    pub wrong_side: usize,
-    /// Duplicates and near-duplicates that gave way to a deeper contact or to a held one.
-    pub merged: usize,
-    /// Contacts within the margin that the capacity had no room for; shallower than all that were kept.
-    pub dropped: usize,
-    /// Triangles left out because a coordinate is not finite or beyond 1e6 m, plus 1 if the pose is.
-    pub non_finite: usize,
-    /// Least gap \[m\]; infinite without contacts.
-    pub deepest_gap: f64,
-    /// The whole tool lies below the skin. At set-up: refuse. In a run: a fast tool has passed through; it is pushed out
-    /// as long as the reach allows.
-    pub tool_inside: bool,
-}
-
-impl DetectionReport {
-    /// Of a detection that found nothing.
-    pub const NONE: Self = Self {
-        candidates: 0,
-        contacts: 0,
-        wrong_side: 0,
-        merged: 0,
-        dropped: 0,
-        non_finite: 0,
-        deepest_gap: f64::INFINITY,
-        tool_inside: false,
-    };
-}
+pub use config::{ContactKind, DetectionConfig, DetectionConfigError};
+pub(crate) use keep::{keep_deepest, keep_deepest_of, keep_faced};
+pub use report::DetectionReport;
+use visited::Visited;
 
 /// Scratch memory of detection, sized for one surface at set-up.
 #[derive(Clone, Debug)]
@@ -165,39 +59,7 @@ impl DetectionWorkspace {
     }
 }
 
-/// Marks items that a pass has seen, without clearing between passes.
-#[derive(Clone, Debug)]
-struct Visited {
-    pass_of: Vec<u32>,
-    pass: u32,
-}
-
-impl Visited {
-    fn new(items: usize) -> Self {
-        Self { pass_of: vec![0; items], pass: 0 }
-    }
-
-    /// Starts a pass over `items` items.
-    fn begin(&mut self, items: usize) {
-        self.pass = self.pass.wrapping_add(1);
-        if self.pass == 0 || self.pass_of.len() != items {
-            self.pass_of.clear();
-            self.pass_of.resize(items, 0);
-            self.pass = 1;
-        }
-    }
-
-    /// Calls `visit` with those of three items that this pass has not seen.
-    fn first_visits(&mut self, items: [u32; 3], mut visit: impl FnMut(u32)) {
-        for item in items {
-            if self.pass_of.get_mut(item as usize).is_some_and(|at| std::mem::replace(at, self.pass) != self.pass) {
-                visit(item);
-            }
-        }
-    }
-}
-
-/// Finds the contacts between a refitted surface and a tool at a pose.
+/// Finds the contacts between a refitted surface and a shape at a pose.
 ///
 /// `positions` are the body's nodes \[m\] that the surface was refitted to. `out` enters with what the step before left
 /// (the side from which the tool came, and held points) and leaves with the new contacts, ascending by feature. Non-finite numbers
@@ -211,31 +73,78 @@ pub fn detect(
     ws: &mut DetectionWorkspace,
     out: &mut ContactSet,
 ) -> DetectionReport {
-    let touching = !out.contacts.is_empty();
-    out.contacts.clear();
+    let part = std::iter::once(PlacedPart::alone(tool, pose));
+    detect_parts(surface, positions, part, &ToolPose::from(pose), config, ws, out)
+}
+
+/// As [`detect`], with a tool of several parts: the union of what each of them touches. At most `max_contacts` of all.
+pub fn detect_tool(
+    surface: &SurfaceGeometry,
+    positions: &[Vector3<f64>],
+    tool: &Tool,
+    pose: &ToolPose,
+    config: &DetectionConfig,
+    ws: &mut DetectionWorkspace,
+    out: &mut ContactSet,
+) -> DetectionReport {
+    detect_parts(surface, positions, tool.placed(*pose), pose, config, ws, out)
+}
+
+fn detect_parts<'a>(
+    surface: &SurfaceGeometry,
+    positions: &[Vector3<f64>],
+    parts: impl Iterator<Item = PlacedPart<'a>>,
+    pose: &ToolPose,
+    config: &DetectionConfig,
+    ws: &mut DetectionWorkspace,
+    out: &mut ContactSet,
+) -> DetectionReport {
     let mut report = DetectionReport { non_finite: surface.non_finite(), ..DetectionReport::NONE };
-    if !is_usable(&pose.translation.vector) || !pose.rotation.coords.iter().all(|x| x.is_finite()) {
-        report.non_finite += 1;
-        return report;
-    }
     ws.features.clear();
+    if is_usable(&pose.frame.translation.vector) && pose.is_finite() {
+        for (k, part) in parts.enumerate() {
+            let meeting = Meeting { surface, positions, tool: part.shape, pose: &part.pose };
+            detect_part(&meeting, (k, part.tag), config, ws, out, &mut report);
+        }
+    } else {
+        report.non_finite += 1;
+    }
+    out.contacts.clear();
+    if !ws.features.is_empty() {
+        keep_deepest(&mut ws.features, config, &mut out.contacts, &mut report);
+    }
+    report
+}
+
+/// Appends the features of one part. `out` still holds the contacts of the detection before.
+fn detect_part(
+    meeting: &Meeting<SurfaceGeometry>,
+    (number, tag): (usize, u64),
+    config: &DetectionConfig,
+    ws: &mut DetectionWorkspace,
+    out: &mut ContactSet,
+    report: &mut DetectionReport,
+) {
+    let Meeting { surface, tool, pose, .. } = *meeting;
+    let is_own = |feature: u64| feature & PART_BITS == tag;
+    let touching = out.contacts.iter().any(|c| is_own(c.feature));
     ws.nodes.begin(surface.body_nodes());
     ws.edges.begin(surface.edges().len());
-    let meeting = Meeting { surface, positions, tool, pose };
-    let came = follow_side(&meeting, touching, &mut out.side);
-    report.tool_inside = came.inside;
+    let side = side_of(number, &mut out.side, &mut out.other_sides);
+    let came = follow_side(meeting, touching, side);
+    report.tool_inside |= came.inside;
 
-    // Features of triangles near the tool.
+    // Features of triangles near the part.
     let (low, high) = tool.bounding_box(pose);
     let range = config.margin.max(config.reach);
     let bounds = Aabb { low: low - Vector3::repeat(range), high: high + Vector3::repeat(range) };
-    let mut found =
-        Collector { features: &mut ws.features, margin: config.margin, candidates: 0, dropped: 0, holding: false };
+    let start = ws.features.len();
+    let mut found = Collector::new(&mut ws.features, config.margin, tag);
     let (nodes, edges) = (&mut ws.nodes, &mut ws.edges);
     match (config.kind, tool.axis(pose), tool.hull()) {
         (ContactKind::Faces, Some(axis), _) => {
             found.holding = true;
-            out.held.iter().for_each(|point| meeting.held(point, &mut found));
+            out.held.iter().filter(|point| is_own(point.feature)).for_each(|point| meeting.held(point, &mut found));
             found.holding = false;
             surface.query(&bounds, |t| meeting.face(t, &axis, &mut found));
         }
@@ -253,13 +162,11 @@ pub fn detect(
             nodes.first_visits(surface.triangles()[t as usize], |node| meeting.node(node, &mut found));
         }),
     }
-    report.candidates = found.candidates;
-    report.dropped = found.dropped;
+    report.candidates += found.candidates;
+    report.dropped += found.dropped;
 
-    reject_wrong_side(&meeting, &mut ws.features, &came, out.side, &mut report);
-    report.merged = stand_in(&mut ws.features, tool.inner_radius());
-    keep_deepest(&mut ws.features, config, &mut out.contacts, &mut report);
-    report
+    reject_wrong_side(meeting, &mut ws.features, start, &came, *side, report);
+    report.merged += stand_in(&mut ws.features, start, tool.inner_radius());
 }
 
 /// Where a tool lies relative to the skin through which it came.
@@ -299,91 +206,14 @@ fn follow_side(meeting: &Meeting<SurfaceGeometry>, touching: bool, side: &mut Op
 fn reject_wrong_side(
     meeting: &Meeting<SurfaceGeometry>,
     features: &mut Vec<Feature>,
+    start: usize,
     came: &Came,
     side: Option<Vector3<f64>>,
     report: &mut DetectionReport,
 ) {
     let Some(side) = side else { return };
-    report.wrong_side = keep_faced(features, &side, |x| {
+    report.wrong_side += keep_faced(features, start, &side, |x| {
         let core = meeting.tool.core(meeting.pose, x);
         came.through || meeting.surface.nearest(&core, meeting.positions).is_some_and(|near| near.signed_distance < 0.0)
     });
-}
-
-/// Keeps the features on the side from which the tool came; `passed` says whether the tool's core for a point lies in the
-/// body, and is asked only where that decides. Returns how many features went.
-pub(crate) fn keep_faced(
-    features: &mut Vec<Feature>,
-    side: &Vector3<f64>,
-    passed: impl Fn(&Vector3<f64>) -> bool,
-) -> usize {
-    let before = features.len();
-    features.retain(|f| {
-        let faces = f.side <= -1.0 || f.skin.dot(side) > f.side;
-        faces && (f.side < 0.5 || passed(&f.contact.tissue_point))
-    });
-    if features.iter().any(|f| f.submerged) {
-        features.retain(|f| f.skin.dot(side) >= 0.0);
-    }
-    before - features.len()
-}
-
-/// Merges near-duplicates into the deepest of them, held points apart, and keeps the deepest contacts, ascending by feature.
-pub(crate) fn keep_deepest(
-    features: &mut Vec<Feature>,
-    config: &DetectionConfig,
-    contacts: &mut Vec<Contact>,
-    report: &mut DetectionReport,
-) {
-    let kept = keep_deepest_of(features, config, contacts);
-    report.merged += kept.merged;
-    report.dropped += kept.dropped;
-    report.contacts = contacts.len();
-    report.deepest_gap = kept.deepest_gap;
-}
-
-/// What became of features that were no contact of their own.
-pub(crate) struct Kept {
-    pub(crate) merged: usize,
-    pub(crate) dropped: usize,
-    /// Least gap \[m\]; infinite without contacts.
-    pub(crate) deepest_gap: f64,
-}
-
-/// As [`keep_deepest`], without the report of a whole detection.
-pub(crate) fn keep_deepest_of(
-    features: &mut Vec<Feature>,
-    config: &DetectionConfig,
-    contacts: &mut Vec<Contact>,
-) -> Kept {
-    // Triangles that share a vertex or an edge find the same point: one feature, one contact.
-    features.sort_unstable_by(|a, b| a.contact.feature.cmp(&b.contact.feature).then(by_depth(a, b)));
-    let before = features.len();
-    features.dedup_by_key(|f| f.contact.feature);
-    let mut kept = Kept { merged: before - features.len(), dropped: 0, deepest_gap: f64::INFINITY };
-    features.sort_unstable_by(by_depth);
-
-    let near = config.merge_distance * config.merge_distance;
-    let aligned = config.merge_angle.min(std::f64::consts::PI).cos();
-    contacts.reserve(config.max_contacts.min(features.capacity()));
-    for (visited, feature) in features.iter().enumerate() {
-        if contacts.len() == config.max_contacts {
-            kept.dropped = features.len() - visited;
-            break;
-        }
-        let c = &feature.contact;
-        let twin = |other: &Contact| {
-            (other.tissue_point - c.tissue_point).norm_squared() <= near
-                && other.normal.dot(&c.normal) >= aligned
-                && !features.iter().any(|f| f.held && f.contact.feature == other.feature)
-        };
-        if !feature.held && contacts.iter().any(twin) {
-            kept.merged += 1;
-        } else {
-            contacts.push(*c);
-        }
-    }
-    kept.deepest_gap = contacts.first().map_or(f64::INFINITY, |c| c.gap);
-    contacts.sort_unstable_by_key(|c| c.feature);
-    kept
 }

@@ -95,21 +95,36 @@ pub(crate) struct Collector<'a> {
     pub(crate) dropped: usize,
     /// What is offered now are held points.
     pub(crate) holding: bool,
+    /// Features before this one are of other parts of the tool.
+    pub(crate) start: usize,
+    /// Bits of the part in the identifiers of its contacts.
+    pub(crate) tag: u64,
 }
 
-impl Collector<'_> {
+impl<'a> Collector<'a> {
+    /// For the features of one part.
+    pub(crate) fn new(features: &'a mut Vec<Feature>, margin: f64, tag: u64) -> Self {
+        let start = features.len();
+        Self { features, margin, candidates: 0, dropped: 0, holding: false, start, tag }
+    }
+
     /// Keeps a feature whose gap is within the margin. `contact` needs no `tool_point`, `normal` or `gap` yet.
     fn offer(&mut self, mut contact: Contact, skin: Vector3<f64>, touch: Touch) {
         self.candidates += 1;
         if touch.gap.is_nan() || touch.gap > self.margin {
             return;
         }
-        if self.features.len() == self.features.capacity() && self.features.len() > 1 {
-            let half = self.features.len() / 2;
-            self.features.select_nth_unstable_by(half, by_depth);
-            self.dropped += self.features.len() - half;
-            self.features.truncate(half);
+        if self.features.len() == self.features.capacity() {
+            let own = self.features.len() - self.start;
+            if own < 2 {
+                self.dropped += 1;
+                return;
+            }
+            self.features[self.start..].select_nth_unstable_by(own / 2, by_depth);
+            self.dropped += own - own / 2;
+            self.features.truncate(self.start + own / 2);
         }
+        contact.feature |= self.tag;
         contact.normal = touch.normal;
         contact.gap = touch.gap;
         contact.tool_point = contact.tissue_point - touch.normal * touch.gap;
@@ -207,4 +222,16 @@ impl<S: Skin> Meeting<'_, S> {
             found.offer(at(id, [i, j, j], [1.0 - t, t, 0.0], a + (b - a) * t), skin, touch);
         });
     }
+}
+
+/// Keeps of the features from `start` on those for which `keep` holds, in their order.
+pub(crate) fn retain_from(features: &mut Vec<Feature>, start: usize, mut keep: impl FnMut(&Feature) -> bool) {
+    let mut kept = start;
+    for k in start..features.len() {
+        if keep(&features[k]) {
+            features.swap(kept, k);
+            kept += 1;
+        }
+    }
+    features.truncate(kept);
 }

@@ -16,7 +16,7 @@
 use nalgebra::Vector3;
 
 use crate::contact::{Contact, ContactSet};
-use crate::features::{Feature, by_depth};
+use crate::features::{Feature, by_depth, retain_from};
 
 /// A tissue point that carried a force in the step before.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,16 +54,18 @@ const NEXT_ON_FEATURE: u64 = 3 << 32;
 
 /// Drops new points for which a held one stands, and gives the others identifiers that no held one has.
 ///
-/// `radius` \[m\] of the tool. Returns how many were dropped. Held points come first afterwards.
-pub(crate) fn stand_in(features: &mut Vec<Feature>, radius: f64) -> usize {
-    if !features.iter().any(|f| f.held) {
+/// `radius` \[m\] of the tool's part, whose features begin at `start`. Returns how many were dropped. Held points come
+/// first afterwards.
+pub(crate) fn stand_in(features: &mut Vec<Feature>, start: usize, radius: f64) -> usize {
+    let own = &mut features[start..];
+    if !own.iter().any(|f| f.held) {
         return 0;
     }
-    features.sort_unstable_by(|a, b| {
+    own.sort_unstable_by(|a, b| {
         (b.held.cmp(&a.held)).then(a.contact.feature.cmp(&b.contact.feature)).then(by_depth(a, b))
     });
-    let first_new = features.partition_point(|f| f.held);
-    let (held, new) = features.split_at_mut(first_new);
+    let first_new = own.partition_point(|f| f.held);
+    let (held, new) = own.split_at_mut(first_new);
     let near = NEAR * radius;
     let sag = near * near / (2.0 * radius);
     let stands_for = |h: &Contact, c: &Contact| {
@@ -80,6 +82,6 @@ pub(crate) fn stand_in(features: &mut Vec<Feature>, radius: f64) -> usize {
         }
     }
     let before = features.len();
-    features.retain(|f| !f.contact.gap.is_nan());
+    retain_from(features, start, |f| !f.contact.gap.is_nan());
     before - features.len()
 }

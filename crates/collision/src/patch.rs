@@ -12,6 +12,7 @@ use crate::detection::{ContactKind, DetectionConfig, keep_deepest_of, keep_faced
 use crate::features::{Collector, Feature, Meeting, Skin};
 use crate::narrow_phase::HullInWorld;
 use crate::shape::ToolShape;
+use crate::tool::{MAX_PARTS, PlacedPart, Tool, ToolPose};
 use crate::triangle::closest_on_triangle;
 
 mod gathering;
@@ -33,6 +34,8 @@ pub struct SkinPatch {
     edge_names: Vec<u32>,
     max_nodes: usize,
     side: Option<Vector3<f64>>,
+    /// Of the tool's further parts.
+    other_sides: Vec<Option<Vector3<f64>>>,
     clearance: f64,
 }
 
@@ -61,6 +64,7 @@ impl SkinPatch {
             edge_names: Vec::with_capacity(edges),
             max_nodes,
             side: None,
+            other_sides: Vec::with_capacity(MAX_PARTS),
             clearance: 0.0,
         }
     }
@@ -114,7 +118,14 @@ impl SkinPatch {
         self.edges.clear();
         self.edge_names.clear();
         self.side = None;
+        self.other_sides.clear();
         self.clearance = 0.0;
+    }
+
+    /// Notes the sides from which the tool's further parts came ([`ContactSet::other_sides`](crate::ContactSet)).
+    pub fn set_other_sides(&mut self, sides: &[Option<Vector3<f64>>]) {
+        self.other_sides.clear();
+        self.other_sides.extend_from_slice(sides.get(..MAX_PARTS).unwrap_or(sides));
     }
 
     /// Makes this a copy of `other` without allocating. Returns false, and is left cleared, if `other` does not fit.
@@ -131,6 +142,7 @@ impl SkinPatch {
         self.edge_names_of.extend_from_slice(&other.edge_names_of);
         self.edges.extend_from_slice(&other.edges);
         self.edge_names.extend_from_slice(&other.edge_names);
+        self.other_sides.extend_from_slice(&other.other_sides);
         (self.side, self.clearance) = (other.side, other.clearance);
         true
     }
@@ -196,10 +208,18 @@ impl PatchDetection {
     /// Memory for patches of up to `max_nodes` nodes, this tool, and up to `max_contacts` contacts.
     #[must_use]
     pub fn new(max_nodes: usize, max_contacts: usize, tool: &ToolShape) -> Self {
+        Self::with_parts(max_nodes, max_contacts, std::iter::once(tool))
+    }
+
+    /// The same for a tool of several parts.
+    #[must_use]
+    pub fn for_tool(max_nodes: usize, max_contacts: usize, tool: &Tool) -> Self {
+        Self::with_parts(max_nodes, max_contacts, tool.parts().iter().map(|part| &part.shape))
+    }
+
+    fn with_parts<'a>(max_nodes: usize, max_contacts: usize, parts: impl Iterator<Item = &'a ToolShape>) -> Self {
         let mut hull = HullInWorld::default();
-        if let Some(shape) = tool.hull() {
-            hull.place(shape, &Isometry3::identity());
-        }
+        parts.filter_map(ToolShape::hull).for_each(|shape| hull.place(shape, &Isometry3::identity()));
         // A triangle gives a capsule three points; a hull's corners and edges may give more, and the collector bounds them.
         let features = Vec::with_capacity(8 * max_nodes + 64);
         Self { features, contacts: Vec::with_capacity(max_contacts), max_contacts, hull }
@@ -223,16 +243,53 @@ impl PatchDetection {
         pose: &Isometry3<f64>,
         config: &DetectionConfig,
     ) -> usize {
+        self.detect_parts(patch, positions, std::iter::once(PlacedPart::alone(tool, pose)), config)
+    }
+
+    /// The same for a tool of several parts.
+    pub fn detect_tool(
+        &mut self,
+        patch: &SkinPatch,
+        positions: &[Vector3<f64>],
+        tool: &Tool,
+        pose: &ToolPose,
+        config: &DetectionConfig,
+    ) -> usize {
+        self.detect_parts(patch, positions, tool.placed(*pose), config)
+    }
+
+    fn detect_parts<'a>(
+        &mut self,
+        patch: &SkinPatch,
+        positions: &[Vector3<f64>],
+        parts: impl Iterator<Item = PlacedPart<'a>>,
+        config: &DetectionConfig,
+    ) -> usize {
         self.features.clear();
         self.contacts.clear();
-        let meeting = Meeting { surface: patch, positions, tool, pose };
-        let mut found = Collector {
-            features: &mut self.features,
-            margin: config.margin,
-            candidates: 0,
-            dropped: 0,
-            holding: false,
-        };
+        let mut crowded = 0;
+        for (k, part) in parts.enumerate() {
+            let meeting = Meeting { surface: patch, positions, tool: part.shape, pose: &part.pose };
+            let side = if k == 0 { patch.side } else { patch.other_sides.get(k - 1).copied().flatten() };
+            crowded += self.detect_part(&meeting, part.tag, side, config);
+        }
+        // The memory of the contacts is what there is: a larger wish must not make it grow.
+        let room = config.max_contacts.min(self.max_contacts);
+        let config = DetectionConfig { max_contacts: room, ..*config };
+        crowded + keep_deepest_of(&mut self.features, &config, &mut self.contacts).dropped
+    }
+
+    /// Appends the features of one part, and returns how many found no room.
+    fn detect_part(
+        &mut self,
+        meeting: &Meeting<SkinPatch>,
+        tag: u64,
+        side: Option<Vector3<f64>>,
+        config: &DetectionConfig,
+    ) -> usize {
+        let Meeting { surface: patch, positions, tool, pose } = *meeting;
+        let start = self.features.len();
+        let mut found = Collector::new(&mut self.features, config.margin, tag);
         let nodes = 0..patch.names.len() as u32;
         let triangles = 0..patch.triangles.len() as u32;
         match (config.kind, tool.axis(pose), tool.hull()) {
@@ -247,12 +304,9 @@ impl PatchDetection {
             _ => nodes.for_each(|node| meeting.node(node, &mut found)),
         }
         let crowded = found.dropped;
-        if let Some(side) = &patch.side {
-            keep_faced(&mut self.features, side, |x| patch.is_below(&tool.core(pose, x), positions));
+        if let Some(side) = &side {
+            keep_faced(&mut self.features, start, side, |x| patch.is_below(&tool.core(pose, x), positions));
         }
-        // The memory of the contacts is what there is: a larger wish must not make it grow.
-        let room = config.max_contacts.min(self.max_contacts);
-        let config = DetectionConfig { max_contacts: room, ..*config };
-        crowded + keep_deepest_of(&mut self.features, &config, &mut self.contacts).dropped
+        crowded
     }
 }

@@ -5,42 +5,14 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use crate::hull::ConvexHull;
 
-/// A shape that cannot be a tool.
-#[derive(Clone, Debug, Error, PartialEq)]
-pub enum ShapeError {
-    /// A length that is not positive and finite.
-    #[error("tool shape: {what} = {value} m must be {bound} and finite")]
-    Length {
-        /// Which length.
-        what: &'static str,
-        /// The length given \[m\].
-        value: f64,
-        /// What it must be.
-        bound: &'static str,
-    },
-    /// A coordinate that is not a number.
-    #[error("tool shape: {what}[{index}] is not finite")]
-    NotFinite {
-        /// Which list.
-        what: &'static str,
-        /// Position in it.
-        index: usize,
-    },
-    /// Points that have no convex hull with a volume.
-    #[error(
-        "tool shape: no convex hull of {points} vertices: {reason}; give at least 4 points that do not lie in a plane"
-    )]
-    Hull {
-        /// Number of points given.
-        points: usize,
-        /// What failed.
-        reason: String,
-    },
-}
+mod error;
+mod written;
+
+pub use error::ShapeError;
+pub(crate) use written::ShapeConfig;
 
 /// The nearest point of a tool's surface to a point of space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,8 +47,8 @@ pub struct Probe {
 
 /// The shape of a tool. Description; valid by construction, also when read from a file.
 ///
-/// Serialised as `{ kind = "sphere", radius = 0.005 }`, `{ kind = "capsule", half_length = 0.02, radius = 0.003 }` or
-/// `{ kind = "convex", vertices = [[x, y, z], ...] }`.
+/// Serialised as `{ kind = "sphere", radius = 0.005 }`, `{ kind = "capsule", half_length = 0.02, radius = 0.003 }`,
+/// `{ kind = "box", size = [x, y, z] }` (about the origin) or `{ kind = "convex", vertices = [[x, y, z], ...] }`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "ShapeConfig", into = "ShapeConfig")]
 pub struct ToolShape {
@@ -88,39 +60,6 @@ enum Geometry {
     Sphere { radius: f64 },
     Capsule { half_length: f64, radius: f64 },
     Convex(Box<ConvexHull>),
-}
-
-/// What a scene file says of a shape.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-enum ShapeConfig {
-    Sphere { radius: f64 },
-    Capsule { half_length: f64, radius: f64 },
-    Convex { vertices: Vec<[f64; 3]> },
-}
-
-impl TryFrom<ShapeConfig> for ToolShape {
-    type Error = ShapeError;
-
-    fn try_from(config: ShapeConfig) -> Result<Self, ShapeError> {
-        match config {
-            ShapeConfig::Sphere { radius } => Self::sphere(radius),
-            ShapeConfig::Capsule { half_length, radius } => Self::capsule(half_length, radius),
-            ShapeConfig::Convex { vertices } => {
-                Self::convex(&vertices.into_iter().map(Vector3::from).collect::<Vec<_>>())
-            }
-        }
-    }
-}
-
-impl From<ToolShape> for ShapeConfig {
-    fn from(shape: ToolShape) -> Self {
-        match shape.geometry {
-            Geometry::Sphere { radius } => Self::Sphere { radius },
-            Geometry::Capsule { half_length, radius } => Self::Capsule { half_length, radius },
-            Geometry::Convex(hull) => Self::Convex { vertices: hull.vertices().iter().map(|v| (*v).into()).collect() },
-        }
-    }
 }
 
 fn positive(what: &'static str, value: f64) -> Result<f64, ShapeError> {
@@ -157,6 +96,18 @@ impl ToolShape {
     /// [`ShapeError::Hull`] where they span no volume; [`ShapeError::NotFinite`].
     pub fn convex(vertices: &[Vector3<f64>]) -> Result<Self, ShapeError> {
         Ok(Self { geometry: Geometry::Convex(Box::new(ConvexHull::new(vertices)?)) })
+    }
+
+    /// A box about the origin with these sides \[m\]: the hull of its corners.
+    ///
+    /// # Errors
+    /// [`ShapeError::Length`] where a side is not positive.
+    pub fn cuboid(size: Vector3<f64>) -> Result<Self, ShapeError> {
+        for (what, side) in ["size along x", "size along y", "size along z"].into_iter().zip(&size) {
+            positive(what, *side)?;
+        }
+        let corner = |k: u32| Vector3::from_fn(|c, _| if k >> c & 1 == 0 { -0.5 } else { 0.5 } * size[c]);
+        Self::convex(&(0..8).map(corner).collect::<Vec<_>>())
     }
 
     /// The hull, if the shape is one.

@@ -69,8 +69,7 @@ impl Solid {
         if !size.iter().all(|s| *s > 0.0 && s.is_finite()) {
             return Err(SolidError::Size(size.into()));
         }
-        let corner = |k: u32| Vector3::from_fn(|c, _| if k >> c & 1 == 0 { -0.5 } else { 0.5 } * size[c]);
-        Ok(Self::Convex(ToolShape::convex(&(0..8).map(corner).collect::<Vec<_>>())?))
+        Ok(Self::Convex(ToolShape::cuboid(size)?))
     }
 
     /// The inside of a closed surface with outward counter-clockwise triangles.

@@ -1,7 +1,8 @@
 //! Force Dimension's devices (omega, delta, sigma, lambda), and the Falcon, through the vendor's DHD library.
 //!
 //! Functions and constants are those of `dhdc.h` of the SDK 3.7 to 3.17: metres, newtons, the number of the device as
-//! last argument, a negative answer for an error, and positive ones (`DHD_TIMEGUARD`, `DHD_MOTOR_SATURATED`) that are none.
+//! last argument, a negative answer for an error, and positive ones (`DHD_TIMEGUARD`, `DHD_MOTOR_SATURATED`) that are none. A gripper is read by the gap between its
+//! fingers, which left-handed devices give the same sign, and is driven by the force along it.
 //! The library is called on the tick thread: a call is one exchange over USB, which is what paces it. Gravity compensation
 //! and the velocity threshold that brakes the device stay as the device is configured.
 
@@ -50,6 +51,11 @@ const ERROR_NO_DEVICE: c_int = 5;
 const ERROR_TIMEOUT: c_int = 7;
 const ERROR_NOT_READY: c_int = 12;
 
+/// Opening of the gripper that counts as open (m) and the largest force between its fingers (N): what the data sheets of
+/// omega.7 and sigma.7 state for grasping, 25 mm and 8 N.
+const GRIPPER_GAP: f64 = 25e-3;
+const GRIPPER_FORCE: f64 = 8.0;
+
 /// Declares the functions that are used, each once.
 macro_rules! functions {
     ($($field:ident = $symbol:literal: fn($($argument:ty),*) -> $answer:ty;)*) => {
@@ -83,6 +89,7 @@ functions! {
         fn(*mut c_double, *mut c_double, *mut c_double, *mut [[c_double; 3]; 3], c_char) -> c_int;
     velocity = "dhdGetLinearVelocity": fn(*mut c_double, *mut c_double, *mut c_double, c_char) -> c_int;
     angular_velocity = "dhdGetAngularVelocityRad": fn(*mut c_double, *mut c_double, *mut c_double, c_char) -> c_int;
+    gripper_gap = "dhdGetGripperGap": fn(*mut c_double, c_char) -> c_int;
     buttons = "dhdGetButtonMask": fn(c_char) -> c_uint;
     set_wrench = "dhdSetForceAndTorqueAndGripperForce":
         fn(c_double, c_double, c_double, c_double, c_double, c_double, c_double, c_char) -> c_int;
@@ -130,6 +137,8 @@ struct ForceDimension {
     _library: VendorLibrary,
     id: c_char,
     spec: DeviceSpec,
+    /// Force between the fingers for the next command (N); positive opens, as the gap grows.
+    gripper_force: f64,
     open: bool,
 }
 
@@ -144,7 +153,7 @@ fn open(config: &DriverConfig) -> Opened {
     // A number of a device fits in the vendor's own type for it.
     let id = id as c_char;
     let spec = spec(&functions, id);
-    let device = ForceDimension { functions, _library: library, id, spec, open: true };
+    let device = ForceDimension { functions, _library: library, id, spec, gripper_force: 0.0, open: true };
     // SAFETY: the device is open.
     if unsafe { (functions.enable_force)(1, id) } < 0 {
         let reason = format!("forces cannot be enabled: {}", functions.reason().1);
@@ -209,6 +218,7 @@ impl HapticDevice for ForceDimension {
         let f = &self.functions;
         let [mut p, mut v, mut w] = [[0.0; 3]; 3];
         let mut frame = [[0.0; 3]; 3];
+        let mut gap = GRIPPER_GAP;
         // SAFETY: the device is open; each pointer is to a number, or three by three of them, of this function.
         let answers = unsafe {
             [
@@ -219,6 +229,7 @@ impl HapticDevice for ForceDimension {
                 } else {
                     0
                 },
+                if self.spec.freedoms.gripper { (f.gripper_gap)(&raw mut gap, self.id) } else { 0 },
             ]
         };
         if answers.iter().any(|&answer| answer < 0) {
@@ -233,6 +244,7 @@ impl HapticDevice for ForceDimension {
             velocity: Twist { linear: v.into(), angular: w.into() },
             // SAFETY: the device is open.
             buttons: unsafe { (f.buttons)(self.id) },
+            gripper: gap / GRIPPER_GAP,
         })
     }
 
@@ -241,9 +253,15 @@ impl HapticDevice for ForceDimension {
             return Err(DeviceError::Closed);
         }
         let (f, t) = (wrench.force, wrench.torque);
-        // SAFETY: the device is open. The gripper gets no force.
-        let answer = unsafe { (self.functions.set_wrench)(f.x, f.y, f.z, t.x, t.y, t.z, 0.0, self.id) };
+        let grip = self.gripper_force;
+        // SAFETY: the device is open.
+        let answer = unsafe { (self.functions.set_wrench)(f.x, f.y, f.z, t.x, t.y, t.z, grip, self.id) };
         if answer < 0 { Err(self.functions.error()) } else { Ok(()) }
+    }
+
+    fn write_gripper(&mut self, effort: f64) {
+        let force = (effort / GRIPPER_GAP).clamp(-GRIPPER_FORCE, GRIPPER_FORCE);
+        self.gripper_force = if self.spec.freedoms.gripper && force.is_finite() { force } else { 0.0 };
     }
 
     fn close(&mut self) {

@@ -208,10 +208,9 @@ impl Servo {
             (f.end_frame)(self.handle);
         }
         let sample = DeviceSample {
-            time: 0.0,
-            pose: pose(&transform),
             velocity: Twist { linear: Vector3::from(v) * MILLIMETRE, angular: w.into() },
             buttons: buttons as u32,
+            ..DeviceSample::at_rest(0.0, pose(&transform))
         };
         self.samples.send(Measured { sample, error: f.take_error(), at: Instant::now() });
     }

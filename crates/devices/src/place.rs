@@ -147,6 +147,10 @@ impl HapticDevice for Placed {
         self.device.write(self.place.wrench_in_device(&wrench))
     }
 
+    fn write_gripper(&mut self, effort: f64) {
+        self.device.write_gripper(effort);
+    }
+
     fn close(&mut self) {
         self.device.close();
     }

@@ -1,6 +1,6 @@
 //! A device that does again what another one did: the poses of a recorded trace, whatever force it gets.
 //!
-//! At the recorded times the recorded numbers come back to the bit; between two of them position and velocity are
+//! At the recorded times the recorded numbers come back to the bit; between two of them position, velocity and gripper are
 //! joined by straight lines and orientation along the shortest arc. A time before the first pose gets the first, one
 //! after the last gets the last, at rest. Where the recorded device had not answered, this one does not either. Poses of a
 //! trace are in the world, and are not placed again.
@@ -30,6 +30,7 @@ struct Moment {
     time_ns: u64,
     pose: Isometry3<f64>,
     velocity: Twist,
+    gripper: f64,
     answered: bool,
 }
 
@@ -42,6 +43,7 @@ impl Moment {
             time_ns: record.time_ns,
             pose: Isometry3::from_parts(Translation3::from(record.device_position), rotation),
             velocity: Twist { linear: record.device_velocity.into(), angular: record.device_angular_velocity.into() },
+            gripper: record.device_gripper,
             answered: !bad,
         }
     }
@@ -85,20 +87,20 @@ impl ReplayDevice {
             return Err(DeviceError::Timeout);
         }
         let next = self.moments.get(self.at + 1).filter(|next| next.answered);
-        let (pose, velocity) = match next {
-            _ if now <= moment.time_ns => (moment.pose, moment.velocity),
-            None => (moment.pose, Twist::default()),
+        let (pose, velocity, gripper) = match next {
+            _ if now <= moment.time_ns => (moment.pose, moment.velocity, moment.gripper),
+            None => (moment.pose, Twist::default(), moment.gripper),
             Some(next) => {
                 let span = (next.time_ns - moment.time_ns) as f64;
                 between(moment, next, (now - moment.time_ns) as f64 / span)
             }
         };
-        Ok(DeviceSample { time, pose, velocity, buttons: 0 })
+        Ok(DeviceSample { velocity, gripper, ..DeviceSample::at_rest(time, pose) })
     }
 }
 
-/// Pose and velocity at the share `s` of the way from `a` to `b`.
-fn between(a: &Moment, b: &Moment, s: f64) -> (Isometry3<f64>, Twist) {
+/// Pose, velocity and gripper at the share `s` of the way from `a` to `b`.
+fn between(a: &Moment, b: &Moment, s: f64) -> (Isometry3<f64>, Twist, f64) {
     let line = |x: &Vector3<f64>, y: &Vector3<f64>| x + (y - x) * s;
     let position = line(&a.pose.translation.vector, &b.pose.translation.vector);
     // Two opposite orientations have no shortest arc between them.
@@ -107,7 +109,8 @@ fn between(a: &Moment, b: &Moment, s: f64) -> (Isometry3<f64>, Twist) {
         linear: line(&a.velocity.linear, &b.velocity.linear),
         angular: line(&a.velocity.angular, &b.velocity.angular),
     };
-    (Isometry3::from_parts(Translation3::from(position), rotation), velocity)
+    let gripper = a.gripper + (b.gripper - a.gripper) * s;
+    (Isometry3::from_parts(Translation3::from(position), rotation), velocity, gripper)
 }
 
 fn open(config: &DriverConfig) -> Opened {

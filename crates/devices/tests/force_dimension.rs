@@ -53,6 +53,16 @@ fn pose_velocity_switches_and_torque_are_those_of_the_library() {
     assert!(p.x > 0.0 && (p / p.x - Vector3::new(1.0, 2.0 / 3.0, 1.0 / 3.0)).norm() < 1e-12, "{p}");
     assert!(sample.velocity.linear.x > 0.0 && sample.velocity.angular == Vector3::new(0.5, 0.0, 0.0));
     assert_eq!(library.force()[3..], [0.01, 0.02, 0.03]);
+
+    // 10 of 25 mm open. A work of 0.05 J over 25 mm is 2 N; what the fingers cannot bear is cut.
+    assert!((sample.gripper - 0.4).abs() < 1e-15, "{}", sample.gripper);
+    for (effort, force) in [(0.05, 2000), (-0.01, -400), (9.0, 8000), (f64::NAN, 0)] {
+        device.write_gripper(effort);
+        device.write(Wrench::zero()).unwrap();
+        assert_eq!(library.get("stand_in_gripper"), force, "{effort} J");
+    }
+    device.close();
+    assert_eq!(library.get("stand_in_gripper"), 0);
 }
 
 #[test]

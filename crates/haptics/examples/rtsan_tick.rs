@@ -58,7 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("an allocation of {} bytes went unseen", provoke().len());
     }
     let ball = Ball::at_faces(5e-3);
-    let (tool, detection, hand_over) = (ball.shape.clone(), ball.detection, PatchTickConfig::HAND_OVER);
+    let (tool, detection, hand_over) = (ball.shape.clone().into(), ball.detection, PatchTickConfig::HAND_OVER);
     let on_patches = PatchTickConfig { tool, detection, max_nodes: 40, hand_over };
     run("frozen rows", None, fill)?;
     // Steps make patches with what memory they like; the tick takes copies.

@@ -52,6 +52,22 @@ pub enum SetupError {
         /// Time of the entry before \[s\].
         previous: f64,
     },
+    /// A rotation without a direction in a hand script.
+    #[error(
+        "hand script entry {entry}: the rotation has no direction: give a quaternion [w, x, y, z] or {{ axis = [x, y, z], degrees = angle }} with an axis that is not zero"
+    )]
+    ScriptRotation {
+        /// Index of the entry, from 0.
+        entry: usize,
+    },
+    /// A gripper outside its range in a hand script.
+    #[error("hand script entry {entry}: gripper is {value}: it must be 0 (closed) to 1 (open)")]
+    ScriptGripper {
+        /// Index of the entry, from 0.
+        entry: usize,
+        /// What was given.
+        value: f64,
+    },
     /// A number in a hand script that is not finite.
     #[error("hand script entry {entry}: {what} is {value}, not a finite number")]
     ScriptNumber {

@@ -10,6 +10,7 @@ pub mod coupling;
 pub mod device;
 pub mod error;
 pub mod exchange;
+pub mod gripper;
 pub mod hand;
 pub mod limits;
 pub mod passivity;

@@ -1,8 +1,10 @@
 //! What one tick did: a small `Copy` record for rings, traces and tests.
 
 use nalgebra::Isometry3;
+use palpate_collision::ToolPose;
 
 use crate::device::DeviceError;
+use crate::gripper::GripperRecord;
 use crate::wrench::{Twist, Wrench};
 
 /// What happened in a tick, one bit each.
@@ -118,6 +120,14 @@ pub struct PortEnergy {
     pub account: f64,
 }
 
+impl TickRecord {
+    /// The tool behind the couplings: its pose and the opening of its jaws.
+    #[must_use]
+    pub fn tool(&self) -> ToolPose {
+        ToolPose { frame: self.tool_pose, opening: self.gripper.opening }
+    }
+}
+
 /// What one tick did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TickRecord {
@@ -158,6 +168,8 @@ pub struct TickRecord {
     pub gain: f64,
     /// What has gone through the device's port until this tick.
     pub energy: PortEnergy,
+    /// Gripper and jaws.
+    pub gripper: GripperRecord,
     /// What happened.
     pub flags: TickFlags,
     /// Why the device did not answer.

@@ -24,6 +24,7 @@ pub fn run_tick(
         Ok(sample) => sample,
         Err(error) => {
             // The read error is the one to report; a write that fails too says nothing new.
+            device.write_gripper(0.0);
             let _ = device.write(Wrench::zero());
             snapshots.refresh();
             return tick.idle(state, snapshots.current(), time, error);
@@ -34,11 +35,13 @@ pub fn run_tick(
         snapshots.refresh();
     }
     let mut record = tick.tick(state, snapshots.current(), &sample, time, ws);
+    device.write_gripper(record.gripper.effort);
     if let Err(error) = device.write(record.wrench) {
         state.cut();
         record.flags.set(TickFlags::DEVICE_ERROR);
         record.device_error = Some(error);
         record.wrench = Wrench::zero();
+        (record.gripper.torque, record.gripper.effort) = (0.0, 0.0);
         record.gain = 0.0;
     }
     record

@@ -6,9 +6,11 @@
 //! ẋ_d(t) = (xᵢ₊₁ − xᵢ) (30 τ² − 60 τ³ + 30 τ⁴) / D           m/s, peak 15/8 of the mean
 //! ```
 //! [Flash and Hogan, J. Neuroscience 5 (1985) 1688]: speed and acceleration are zero at each entry. After the last
-//! entry the hand stays there.
+//! entry the hand stays there. The orientation turns about one axis from entry to entry, the shorter way round, and with
+//! the gripper by the same law.
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
+use palpate_collision::Turn;
 use serde::{Deserialize, Serialize};
 
 use crate::SetupError;
@@ -17,7 +19,7 @@ use crate::SetupError;
 pub const MAX_HAND_SPEED: f64 = 10.0;
 
 /// One entry of a script: where the hand is at a time.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScriptKey {
     /// Time since the start \[s\].
@@ -27,6 +29,21 @@ pub struct ScriptKey {
     /// Whether the hand lets go of the device from here to the next entry (`false`).
     #[serde(default)]
     pub release: bool,
+    /// Orientation of the device's end effector in the world; where it is left out, that of the entry before, and of the
+    /// first none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation: Option<Turn>,
+    /// How far the gripper is open, 0 closed to 1 open; where it is left out, as at the entry before, and at the first open.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gripper: Option<f64>,
+}
+
+impl ScriptKey {
+    /// At `position` \[m\] at `time` \[s\], held, turned and open as at the entry before.
+    #[must_use]
+    pub fn at(time: f64, position: [f64; 3]) -> Self {
+        Self { time, position, ..Self::default() }
+    }
 }
 
 /// Where the script wants the hand at one moment.
@@ -36,6 +53,12 @@ pub struct Intent {
     pub position: Vector3<f64>,
     /// ẋ_d \[m/s\].
     pub velocity: Vector3<f64>,
+    /// Orientation.
+    pub rotation: UnitQuaternion<f64>,
+    /// Angular velocity \[rad/s\], in world axes.
+    pub angular_velocity: Vector3<f64>,
+    /// How far the gripper is open, 0 closed to 1 open.
+    pub gripper: f64,
     /// Whether the hand holds the device.
     pub grip: bool,
 }
@@ -45,6 +68,8 @@ pub struct Intent {
 #[serde(try_from = "Vec<ScriptKey>", into = "Vec<ScriptKey>")]
 pub struct HandScript {
     keys: Vec<ScriptKey>,
+    /// Orientation and gripper of each, those of entries that leave them out too.
+    turned: Vec<(UnitQuaternion<f64>, f64)>,
 }
 
 impl HandScript {
@@ -52,16 +77,31 @@ impl HandScript {
     ///
     /// # Errors
     /// No entries; numbers that are not finite; the first entry not at 0 s; times that do not increase; a motion
-    /// faster than [`MAX_HAND_SPEED`]. Each names the entry.
+    /// faster than [`MAX_HAND_SPEED`]; a rotation without a direction; a gripper outside 0 to 1. Each names the entry.
     pub fn new(keys: Vec<ScriptKey>) -> Result<Self, SetupError> {
         validate(&keys)?;
-        Ok(Self { keys })
+        let mut last = (UnitQuaternion::identity(), 1.0);
+        let mut turned = Vec::with_capacity(keys.len());
+        for (entry, key) in keys.iter().enumerate() {
+            if let Some(turn) = &key.rotation {
+                last.0 = turn.rotation().ok_or(SetupError::ScriptRotation { entry })?;
+            }
+            if let Some(value) = key.gripper {
+                if !(0.0..=1.0).contains(&value) {
+                    return Err(SetupError::ScriptGripper { entry, value });
+                }
+                last.1 = value;
+            }
+            turned.push(last);
+        }
+        Ok(Self { keys, turned })
     }
 
     /// The hand stays at `position` \[m\].
     #[must_use]
     pub fn at(position: Vector3<f64>) -> Self {
-        Self { keys: vec![ScriptKey { time: 0.0, position: position.into(), release: false }] }
+        let keys = vec![ScriptKey::at(0.0, position.into())];
+        Self { keys, turned: vec![(UnitQuaternion::identity(), 1.0)] }
     }
 
     /// Moves to `position` \[m\] in `duration` seconds: a press or a slide.
@@ -128,11 +168,11 @@ impl HandScript {
     #[must_use]
     pub fn intent(&self, time: f64) -> Intent {
         let after = self.keys.partition_point(|key| key.time <= time);
-        let begin = self.keys.get(after.saturating_sub(1));
-        match (begin, self.keys.get(after)) {
+        let at = |k: usize| Some((self.keys.get(k)?, self.turned.get(k)?));
+        match (at(after.saturating_sub(1)), at(after)) {
             (Some(a), Some(b)) if after > 0 => between(a, b, time),
-            (Some(a), _) => Intent { position: a.position.into(), velocity: Vector3::zeros(), grip: !a.release },
-            (None, _) => Intent { position: Vector3::zeros(), velocity: Vector3::zeros(), grip: false },
+            (Some((a, turned)), _) => resting(a, turned),
+            (None, _) => Intent { grip: false, ..resting(&ScriptKey::default(), &(UnitQuaternion::identity(), 1.0)) },
         }
     }
 
@@ -142,7 +182,7 @@ impl HandScript {
 
     fn push(mut self, position: Vector3<f64>, duration: f64) -> Result<Self, SetupError> {
         let time = self.duration() + duration;
-        self.keys.push(ScriptKey { time, position: position.into(), release: false });
+        self.keys.push(ScriptKey::at(time, position.into()));
         Self::new(self.keys)
     }
 }
@@ -161,14 +201,37 @@ impl From<HandScript> for Vec<ScriptKey> {
     }
 }
 
-fn between(a: &ScriptKey, b: &ScriptKey, time: f64) -> Intent {
+/// An entry's orientation and gripper.
+type Turned = (UnitQuaternion<f64>, f64);
+
+fn resting(key: &ScriptKey, (rotation, gripper): &Turned) -> Intent {
+    Intent {
+        position: key.position.into(),
+        velocity: Vector3::zeros(),
+        rotation: *rotation,
+        angular_velocity: Vector3::zeros(),
+        gripper: *gripper,
+        grip: !key.release,
+    }
+}
+
+fn between((a, from): (&ScriptKey, &Turned), (b, to): (&ScriptKey, &Turned), time: f64) -> Intent {
     let (begin, end) = (Vector3::from(a.position), Vector3::from(b.position));
     let duration = b.time - a.time;
     let tau = ((time - a.time) / duration).clamp(0.0, 1.0);
     let (t2, t3) = (tau * tau, tau * tau * tau);
     let blend = t3 * (10.0 - 15.0 * tau + 6.0 * t2);
     let rate = 30.0 * t2 * (1.0 - 2.0 * tau + t2) / duration;
-    Intent { position: begin + (end - begin) * blend, velocity: (end - begin) * rate, grip: !a.release }
+    let mut intent = resting(a, from);
+    (intent.position, intent.velocity) = (begin + (end - begin) * blend, (end - begin) * rate);
+    if from.0 != to.0 {
+        // The rotation vector in world axes, the shorter way round; it is the axis of the whole way.
+        let turn = (to.0 * from.0.inverse()).scaled_axis();
+        intent.rotation = UnitQuaternion::from_scaled_axis(turn * blend) * from.0;
+        intent.angular_velocity = turn * rate;
+    }
+    intent.gripper = from.1 + (to.1 - from.1) * blend;
+    intent
 }
 
 fn validate(keys: &[ScriptKey]) -> Result<(), SetupError> {

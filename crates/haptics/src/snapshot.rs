@@ -16,6 +16,7 @@
 //! clone has the same capacity.
 
 use nalgebra::Isometry3;
+use palpate_collision::ToolPose;
 use palpate_constraints::law::Law;
 use palpate_solver::problem::Block;
 
@@ -52,6 +53,8 @@ pub struct HapticSnapshot {
     pub valid: bool,
     /// Tool pose that `delta_free` is for.
     pub tool_pose: Isometry3<f64>,
+    /// Opening of the tool's jaws that it is for \[rad\]; 0 for a tool without.
+    pub opening: f64,
     /// Epoch of the factor behind W.
     pub factor_epoch: u64,
     /// Its age when the step used it \[s\].
@@ -65,6 +68,7 @@ pub struct HapticSnapshot {
     blocks: Vec<Block>,
     features: Vec<u64>,
     tool_rows: Vec<[f64; 6]>,
+    gripper_rows: Vec<f64>,
     delta_free: Vec<f64>,
     lambda: Vec<f64>,
     w: Vec<f64>,
@@ -88,6 +92,7 @@ impl HapticSnapshot {
             dt: 0.0,
             valid: false,
             tool_pose: Isometry3::identity(),
+            opening: 0.0,
             factor_epoch: 0,
             factor_age: 0.0,
             dropped: 0,
@@ -97,6 +102,7 @@ impl HapticSnapshot {
             blocks: vec![no_block; max_contacts],
             features: vec![0; max_contacts],
             tool_rows: vec![[0.0; 6]; rows],
+            gripper_rows: vec![0.0; rows],
             delta_free: vec![0.0; rows],
             lambda: vec![0.0; rows],
             w: vec![0.0; rows * rows],
@@ -130,6 +136,7 @@ impl HapticSnapshot {
         self.blocks[self.contacts] = Block { start: begin, law: contact.law };
         self.features[self.contacts] = contact.feature;
         self.tool_rows[begin..begin + rows].copy_from_slice(contact.tool_rows);
+        self.gripper_rows[begin..begin + rows].fill(0.0);
         self.delta_free[begin..begin + rows].copy_from_slice(contact.delta_free);
         self.lambda[begin..begin + rows].copy_from_slice(contact.lambda);
         self.contacts += 1;
@@ -152,6 +159,8 @@ impl HapticSnapshot {
         (self.contacts, self.rows, self.dropped) = (other.contacts, other.rows, other.dropped);
         (self.step, self.time, self.dt, self.valid) = (other.step, other.time, other.dt, other.valid);
         (self.tool_pose, self.factor_epoch, self.factor_age) = (other.tool_pose, other.factor_epoch, other.factor_age);
+        self.opening = other.opening;
+        self.gripper_rows[..self.rows].copy_from_slice(other.gripper_rows());
         self.blocks[..self.contacts].copy_from_slice(other.blocks());
         self.features[..self.contacts].copy_from_slice(other.features());
         self.tool_rows[..self.rows].copy_from_slice(other.tool_rows());
@@ -189,6 +198,23 @@ impl HapticSnapshot {
     #[must_use]
     pub fn tool_rows(&self) -> &[[f64; 6]] {
         &self.tool_rows[..self.rows]
+    }
+
+    /// Rate of the gap per rad that the jaws open \[m\], one a row: the torque on the opening per unit λ.
+    #[must_use]
+    pub fn gripper_rows(&self) -> &[f64] {
+        &self.gripper_rows[..self.rows]
+    }
+
+    /// The same, to be filled after the last push; zero until then.
+    pub fn gripper_rows_mut(&mut self) -> &mut [f64] {
+        &mut self.gripper_rows[..self.rows]
+    }
+
+    /// Tool pose with the opening of its jaws.
+    #[must_use]
+    pub fn tool(&self) -> ToolPose {
+        ToolPose { frame: self.tool_pose, opening: self.opening }
     }
 
     /// δ_free at the reference tool pose \[m\].

@@ -97,7 +97,7 @@ fn a_million_ticks_on_patches_with_faults_allocate_nothing() {
     let inner = VirtualDevice::new(VirtualDeviceConfig::default(), hand, script).unwrap();
     let mut device = Faulty { inner, tick: 0 };
     let patch = PatchTickConfig {
-        tool: ball.shape.clone(),
+        tool: ball.shape.clone().into(),
         detection: ball.detection,
         max_nodes: NODES,
         hand_over: PatchTickConfig::HAND_OVER,

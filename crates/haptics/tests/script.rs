@@ -1,11 +1,14 @@
 //! Hand scripts: what they mean, and what is refused.
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
+use palpate_collision::Turn;
 use palpate_haptics::SetupError;
+use palpate_haptics::device::{HapticDevice, ScriptedDevice, TickTime, VirtualDevice, VirtualDeviceConfig};
+use palpate_haptics::hand::Hand;
 use palpate_haptics::script::{HandScript, ScriptKey};
 
 fn key(time: f64, x: f64) -> ScriptKey {
-    ScriptKey { time, position: [x, 0.0, 0.0], release: false }
+    ScriptKey { time, position: [x, 0.0, 0.0], ..ScriptKey::default() }
 }
 
 #[test]
@@ -70,4 +73,69 @@ fn text_is_validated_as_it_is_read() {
     let gap = serde_json::from_str::<HandScript>(r#"[{"time": 0.2, "position": [0, 0, 0]}]"#).unwrap_err();
     assert!(gap.to_string().contains("the first entry must be at time 0"), "{gap}");
     assert!(serde_json::from_str::<HandScript>(r#"[{"time": 0, "position": [0, 0, 0], "speed": 1}]"#).is_err());
+}
+
+#[test]
+fn orientation_and_gripper_go_from_entry_to_entry_and_the_angular_velocity_is_their_derivative() {
+    let turned = |time, turn: Option<Turn>, gripper| ScriptKey { rotation: turn, gripper, ..key(time, 0.0) };
+    let script = HandScript::new(vec![
+        turned(0.0, None, None),
+        turned(1.0, Some(Turn::about(Vector3::new(0.0, 3.0, 4.0), 120.0)), Some(0.25)),
+        turned(2.0, None, None),
+        turned(3.0, Some(Turn::Quaternion([0.5, 0.5, -0.5, 0.5])), Some(1.0)),
+        // The shorter way from a quaternion to its opposite is none.
+        turned(4.0, Some(Turn::Quaternion([-0.5, -0.5, 0.5, -0.5])), None),
+    ])
+    .unwrap();
+    assert_eq!((script.intent(0.0).rotation, script.intent(0.0).gripper), (UnitQuaternion::identity(), 1.0));
+    // Half way in time is half way round, about the same axis.
+    let half = script.intent(0.5);
+    let (axis, angle) = half.rotation.axis_angle().unwrap();
+    assert!(
+        (axis.into_inner() - Vector3::new(0.0, 0.6, 0.8)).norm() < 1e-14 && (angle - 60f64.to_radians()).abs() < 1e-14
+    );
+    assert!((half.gripper - 0.625).abs() < 1e-15);
+    // Peak of the minimum-jerk profile: 15/8 of the mean.
+    assert!((half.angular_velocity.norm() - 1.875 * 120f64.to_radians()).abs() < 1e-12);
+    let (rest, same) = (script.intent(1.5), script.intent(1.0));
+    assert_eq!((rest.rotation, rest.gripper, rest.angular_velocity), (same.rotation, 0.25, Vector3::zeros()));
+    assert!(script.intent(3.5).angular_velocity.norm() < 1e-12);
+    for k in 1..40 {
+        let (t, e) = (0.1 * f64::from(k) + 0.013, 1e-6);
+        let (a, b) = (script.intent(t - e), script.intent(t + e));
+        let difference = (b.rotation * a.rotation.inverse()).scaled_axis() / (2.0 * e);
+        // The difference quotient is good to e² times the third derivative, and to rounding over e.
+        let off = difference - script.intent(t).angular_velocity;
+        assert!(off.norm() < 1e-8, "{t} s: {off:?}");
+    }
+}
+
+#[test]
+fn a_rotation_without_direction_and_a_gripper_beyond_its_range_name_their_entry() {
+    let wrong = ScriptKey { rotation: Some(Turn::Quaternion([0.0; 4])), ..key(1.0, 0.0) };
+    assert_eq!(HandScript::new(vec![key(0.0, 0.0), wrong]), Err(SetupError::ScriptRotation { entry: 1 }));
+    for value in [-0.1, 1.5, f64::NAN] {
+        let wrong = ScriptKey { gripper: Some(value), ..key(0.0, 0.0) };
+        let error = HandScript::new(vec![wrong]).unwrap_err();
+        assert!(matches!(error, SetupError::ScriptGripper { entry: 0, .. }), "{error}");
+    }
+}
+
+/// Both devices that need no hardware follow the script's rotation and gripper exactly.
+#[test]
+fn devices_turn_with_the_script() {
+    let end = ScriptKey { rotation: Some(Turn::about(Vector3::x(), 70.0)), gripper: Some(0.0), ..key(1.0, 0.1) };
+    let script = HandScript::new(vec![key(0.0, 0.0), end]).unwrap();
+    let hand = Hand::preset("firm").unwrap();
+    let mut virtual_device = VirtualDevice::new(VirtualDeviceConfig::default(), hand, script.clone()).unwrap();
+    let mut scripted = ScriptedDevice::new(script.clone());
+    for index in 0..1000 {
+        let tick = TickTime::regular(index, 1e-3);
+        let intent = script.intent(tick.time);
+        for device in [&mut virtual_device as &mut dyn HapticDevice, &mut scripted] {
+            let sample = device.read(tick).unwrap();
+            assert_eq!((sample.pose.rotation, sample.gripper), (intent.rotation, intent.gripper));
+            assert_eq!(sample.velocity.angular, intent.angular_velocity);
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! The device, hand and coupling that a scene describes.
 
-use nalgebra::Isometry3;
+use palpate_collision::ToolPose;
 use palpate_devices::place::{Place, PlaceConfig, Placed};
 use palpate_devices::{DRIVERS, DriverConfig, driver};
 use palpate_haptics::SetupError;
@@ -89,14 +89,15 @@ pub(crate) fn device(scene: &Scene) -> Result<Box<dyn HapticDevice>, RunError> {
 }
 
 /// Where the tool is before the first step. A path knows; hardware is asked, for it may be anywhere.
-pub(crate) fn first_pose(world: &World, device: &mut dyn HapticDevice) -> Isometry3<f64> {
-    let told = world.first_pose();
+pub(crate) fn first_pose(world: &World, device: &mut dyn HapticDevice) -> ToolPose {
+    let told = world.first_tool();
     if follows_path(&world.description().device.kind) {
         return told;
     }
     let moment = TickTime::regular(0, 1.0 / world.description().rates.tick);
-    let asked = device.read(moment).map(|sample| sample.pose);
-    asked.ok().filter(|pose| pose.translation.vector.iter().all(|x| x.is_finite())).unwrap_or(told)
+    let opening = |gripper: f64| world.tool().hinge().map_or(0.0, |hinge| hinge.opening(gripper));
+    let asked = device.read(moment).map(|sample| ToolPose { frame: sample.pose, opening: opening(sample.gripper) });
+    asked.ok().filter(ToolPose::is_finite).unwrap_or(told)
 }
 
 /// What the scene says to its driver, with paths that are found from anywhere.

@@ -1,8 +1,9 @@
-//! Bodies and tool as viewers of a trace draw them.
+//! Tool, fixed and rigid bodies as a trace tells viewers to draw them.
 
 use nalgebra::{Isometry3, Vector3};
+use palpate_collision::Solid;
 use palpate_collision::shape::ToolShape;
-use palpate_collision::solid::Solid;
+use palpate_collision::tool::{Hinge, Jaw, Part, Tool};
 use palpate_constraints::frame::ContactFrame;
 use palpate_trace as trace;
 use palpate_trace::SolidGeometry;
@@ -36,7 +37,30 @@ pub(crate) fn solids(world: &World) -> Vec<SolidGeometry> {
     fixed.chain(rigid).flatten().collect()
 }
 
-pub(crate) fn tool_shape(tool: &ToolShape) -> Option<trace::ToolShape> {
+/// The tool as viewers draw it.
+pub(crate) fn tool(tool: &Tool) -> Option<trace::ToolShape> {
+    if let Some(shape) = tool.shape() {
+        return tool_shape(shape);
+    }
+    let part = |part: &Part| {
+        Some(trace::ToolPart {
+            shape: tool_shape(&part.shape)?,
+            pose: (part.place.translation.vector.into(), part.place.rotation.coords.into()),
+            jaw: part.jaw.map(|jaw| match jaw {
+                Jaw::First => trace::ToolJaw::First,
+                Jaw::Second => trace::ToolJaw::Second,
+            }),
+        })
+    };
+    let hinge = |hinge: &Hinge| {
+        let axis = hinge.axis.into_inner().into();
+        trace::ToolHinge { pivot: hinge.pivot.into(), axis }
+    };
+    let parts = tool.parts().iter().map(part).collect::<Option<_>>()?;
+    Some(trace::ToolShape::Compound { parts, hinge: tool.hinge().map(hinge) })
+}
+
+fn tool_shape(tool: &ToolShape) -> Option<trace::ToolShape> {
     if let Some(hull) = tool.hull() {
         let vertices = hull.vertices().iter().map(|v| [v.x, v.y, v.z]).collect();
         return Some(trace::ToolShape::Mesh { vertices, triangles: hull.triangles().to_vec() });

@@ -1,6 +1,6 @@
 //! The three stages of a run and what lies between them: made once, then moved to threads or driven in lockstep.
 
-use nalgebra::Isometry3;
+use palpate_collision::ToolPose;
 use palpate_haptics::device::DeviceSpec;
 use palpate_haptics::exchange::{Reader, Writer, latest};
 use palpate_haptics::snapshot::HapticSnapshot;
@@ -14,6 +14,7 @@ use crate::refresh::{FactorSample, Refresh, RefreshPort, refresh};
 use crate::refresh_watch::RefreshWatch;
 use crate::run::{RunError, RunOptions, RunOutcome};
 use crate::scene::{Staleness, staleness};
+use crate::session::{Shape, ShapeWriter};
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
 use crate::summary::RigidEnd;
 use crate::tick::Ticker;
@@ -36,7 +37,7 @@ pub(crate) struct Engine<'w, T = Ticker> {
 /// What the tick reads and writes: snapshots, tool poses, the trace.
 pub(crate) struct TickEnds {
     pub(crate) snapshots: Reader<HapticSnapshot>,
-    pub(crate) poses: Writer<Isometry3<f64>>,
+    pub(crate) poses: Writer<ToolPose>,
     pub(crate) line: TickLine,
 }
 
@@ -59,7 +60,7 @@ impl<'w, T> Engine<'w, T> {
         world: &'w World,
         options: &RunOptions,
         device: &DeviceSpec,
-        first: Isometry3<f64>,
+        first: ToolPose,
         make: impl FnOnce(TickEnds) -> Result<T, RunError>,
     ) -> Result<Self, RunError> {
         if let Some((Staleness::Gone, sentence)) = staleness(world.description()) {
@@ -87,7 +88,7 @@ impl<'w, T> Engine<'w, T> {
         let state = StepState::new(world, rest);
         ws.problem_files = options.problems.clone().map(ProblemFiles::new);
         let watch = RefreshWatch::new(world.plan());
-        let stage = StepStage { world, state, ws, port, watch, urged: false, snapshots, poses, line };
+        let stage = StepStage { world, state, ws, port, watch, urged: false, snapshots, poses, line, shape: None };
         Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes, changes })
     }
 
@@ -95,6 +96,13 @@ impl<'w, T> Engine<'w, T> {
     pub(crate) fn split(self) -> (T, Engine<'w, ()>) {
         let Self { world, stage, refresh, refresh_trace, ticker, trace, notes, changes } = self;
         (ticker, Engine { world, stage, refresh, refresh_trace, ticker: (), trace, notes, changes })
+    }
+
+    /// Lets somebody see where the bodies are.
+    pub(crate) fn show(&mut self) -> Reader<Shape> {
+        let (writer, reader) = ShapeWriter::new(self.world, &self.stage.state);
+        self.stage.shape = Some(writer);
+        reader
     }
 
     /// In lockstep, writes the records that wait for the trace.
@@ -136,8 +144,10 @@ pub(crate) struct StepStage<'w> {
     watch: RefreshWatch,
     urged: bool,
     snapshots: Writer<HapticSnapshot>,
-    poses: Reader<Isometry3<f64>>,
+    poses: Reader<ToolPose>,
     line: StepLine,
+    /// Who wants to draw.
+    shape: Option<ShapeWriter>,
 }
 
 impl StepStage<'_> {
@@ -148,6 +158,9 @@ impl StepStage<'_> {
         let input = StepInput { time, tool: *self.poses.latest(), factor };
         let report = step(self.world, &input, &mut self.state, &mut self.ws, self.snapshots.value_mut());
         self.snapshots.publish();
+        if let Some(shape) = &mut self.shape {
+            shape.send(self.world, &self.state, time + self.world.dt());
+        }
         self.urged = false;
         if report.status == StepStatus::Advanced {
             let (before, system) = (self.state.state_before(), &self.ws.fem.system);

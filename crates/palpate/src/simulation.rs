@@ -1,6 +1,7 @@
 //! A scene stepped by its caller: the tool goes where it is told, one step at a time, on the caller's thread.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
+use palpate_collision::ToolPose;
 use palpate_fem::factor::{Factor, FactorStatus};
 use palpate_fem::integrator::equilibrium::EquilibriumReport;
 use palpate_haptics::snapshot::HapticSnapshot;
@@ -74,17 +75,17 @@ impl<'w> Simulation<'w> {
     }
 
     /// One step with the tool at `tool`, and the refresh that is due after it.
-    pub fn step(&mut self, tool: &Isometry3<f64>) -> StepReport {
+    pub fn step(&mut self, tool: &(impl Into<ToolPose> + Clone)) -> StepReport {
         let report = self.step_alone(tool);
         self.refresh_if_due(&report);
         report
     }
 
     /// One step without the refresh after it: [`Self::refresh_if_due`] does that, and is to be called before the next.
-    pub fn step_alone(&mut self, tool: &Isometry3<f64>) -> StepReport {
+    pub fn step_alone(&mut self, tool: &(impl Into<ToolPose> + Clone)) -> StepReport {
         let time = self.state.step as f64 * self.world.dt();
         pass_events(self.world, time, &mut self.factor, &mut self.state, &mut self.ws);
-        let input = StepInput { time, tool: *tool, factor: &self.factor };
+        let input = StepInput { time, tool: tool.clone().into(), factor: &self.factor };
         step(self.world, &input, &mut self.state, &mut self.ws, &mut self.snapshot)
     }
 

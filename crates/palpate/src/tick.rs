@@ -1,6 +1,6 @@
 //! The tick stage (1 kHz): device, latest snapshot, local contact problem, wrench; and the tool's pose for the step.
 
-use nalgebra::Isometry3;
+use palpate_collision::ToolPose;
 use palpate_haptics::SetupError;
 use palpate_haptics::device::{DeviceSpec, HapticDevice, TickTime};
 use palpate_haptics::exchange::{Reader, Writer};
@@ -35,7 +35,7 @@ pub(crate) struct TickStage {
     state: TickState,
     ws: TickWorkspace,
     snapshots: Reader<HapticSnapshot>,
-    poses: Writer<Isometry3<f64>>,
+    poses: Writer<ToolPose>,
     line: TickLine,
     index: u64,
     /// Whether the device has told a sound pose.
@@ -49,7 +49,7 @@ impl TickStage {
         config: &TickConfig,
         spec: &DeviceSpec,
         snapshots: Reader<HapticSnapshot>,
-        poses: Writer<Isometry3<f64>>,
+        poses: Writer<ToolPose>,
         line: TickLine,
     ) -> Result<Self, RunError> {
         let refused = |e: SetupError| RunError::Device(e.to_string());
@@ -62,6 +62,10 @@ impl TickStage {
                 hand_over: world.description().tick.hand_over,
             };
             tick = tick.on_patches(on_patches).map_err(refused)?;
+        }
+        if let Some(hinge) = world.tool().hinge() {
+            let grip = world.description().tools[0].grip.unwrap_or_default();
+            tick = tick.with_gripper(&grip, *hinge).map_err(refused)?;
         }
         let contacts = world.tool_capacity();
         let (state, ws) = (tick.state(contacts), tick.workspace(contacts));
@@ -105,7 +109,7 @@ impl TickStage {
         // Before the first sound pose there is none to tell the step.
         self.placed |= !record.flags.contains(TickFlags::BAD_POSE) && record.device_error.is_none();
         if self.placed {
-            self.poses.send(record.tool_pose);
+            self.poses.send(record.tool());
         }
         record
     }
@@ -128,11 +132,7 @@ impl Ticker {
     ///
     /// # Errors
     /// A device that cannot be opened.
-    pub fn open(
-        world: &World,
-        snapshots: Reader<HapticSnapshot>,
-        poses: Writer<Isometry3<f64>>,
-    ) -> Result<Self, RunError> {
+    pub fn open(world: &World, snapshots: Reader<HapticSnapshot>, poses: Writer<ToolPose>) -> Result<Self, RunError> {
         let device = devices::device(world.scene())?;
         Self::new(world, device, snapshots, poses, TickLine::none())
     }
@@ -147,7 +147,7 @@ impl Ticker {
         device: Box<dyn HapticDevice>,
         change: impl FnOnce(&mut TickConfig),
         snapshots: Reader<HapticSnapshot>,
-        poses: Writer<Isometry3<f64>>,
+        poses: Writer<ToolPose>,
     ) -> Result<Self, RunError> {
         Self::changed(world, device, change, snapshots, poses, TickLine::none())
     }
@@ -156,7 +156,7 @@ impl Ticker {
         world: &World,
         device: Box<dyn HapticDevice>,
         snapshots: Reader<HapticSnapshot>,
-        poses: Writer<Isometry3<f64>>,
+        poses: Writer<ToolPose>,
         line: TickLine,
     ) -> Result<Self, RunError> {
         Self::changed(world, device, |_| {}, snapshots, poses, line)
@@ -167,7 +167,7 @@ impl Ticker {
         device: Box<dyn HapticDevice>,
         change: impl FnOnce(&mut TickConfig),
         snapshots: Reader<HapticSnapshot>,
-        poses: Writer<Isometry3<f64>>,
+        poses: Writer<ToolPose>,
         line: TickLine,
     ) -> Result<Self, RunError> {
         // The limits that the scene states, before those that the device states of itself.
@@ -233,7 +233,7 @@ mod tests {
     fn a_preset_of_the_device_limits_the_force() {
         let world = Scene::from_toml(BLOCK, std::path::Path::new("")).unwrap().build().unwrap();
         let (_, snapshots) = latest(&HapticSnapshot::new(1));
-        let (poses, _) = latest(&world.first_pose());
+        let (poses, _) = latest(&world.first_tool());
         let device = devices::device(world.scene()).unwrap();
         let ticker = Ticker::new(&world, device, snapshots, poses, TickLine::none()).unwrap();
         assert_eq!(ticker.stage.tick.limits().max_force(), 3.3, "what CHAI3D states for the Touch (N)");

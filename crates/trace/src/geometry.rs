@@ -52,6 +52,35 @@ pub struct SolidGeometry {
     pub moves: bool,
 }
 
+/// One of the shapes of a tool.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ToolPart {
+    /// The shape, in its own frame.
+    pub shape: ToolShape,
+    /// Origin of that frame in the tool's (m), and its orientation `[x, y, z, w]`; of a jaw at the opening 0.
+    pub pose: ([f64; 3], [f64; 4]),
+    /// The jaw that it turns with.
+    pub jaw: Option<ToolJaw>,
+}
+
+/// One of the two jaws of a tool: its own frame in viewers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ToolJaw {
+    /// Turned about the hinge by half the opening.
+    First,
+    /// Turned by half the opening the other way.
+    Second,
+}
+
+/// The axis about which the jaws of a tool turn, in its frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolHinge {
+    /// A point of the axis (m).
+    pub pivot: [f64; 3],
+    /// Its direction, of unit length.
+    pub axis: [f64; 3],
+}
+
 /// Shape of a tool or of a body, in its own frame.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ToolShape {
@@ -76,6 +105,13 @@ pub enum ToolShape {
         /// Triangles by vertex, counter-clockwise from outside.
         triangles: Vec<[u32; 3]>,
     },
+    /// Several shapes, two groups of which may be jaws. For tools alone: of a body they are drawn as one.
+    Compound {
+        /// The shapes.
+        parts: Vec<ToolPart>,
+        /// What the jaws turn about.
+        hinge: Option<ToolHinge>,
+    },
 }
 
 impl ToolShape {
@@ -91,6 +127,7 @@ impl ToolShape {
             Self::Mesh { vertices, triangles } => {
                 BodyGeometry::new("tool", vertices.clone(), triangles.clone()).validate()
             }
+            Self::Compound { parts, .. } => parts.iter().try_for_each(|part| part.shape.validate()),
             _ => Ok(()),
         }
     }

@@ -31,6 +31,7 @@ mod sink;
 mod summary;
 mod thread;
 mod tissue_message;
+mod tool_message;
 mod topic;
 mod wire;
 mod writer;
@@ -38,7 +39,7 @@ mod writer;
 pub use config::{Attachment, TraceConfig};
 pub use drain::InlineTrace;
 pub use error::TraceError;
-pub use geometry::{BodyGeometry, SolidGeometry, ToolShape};
+pub use geometry::{BodyGeometry, SolidGeometry, ToolHinge, ToolJaw, ToolPart, ToolShape};
 pub use reader::{Trace, TraceEvent, TraceReader};
 pub use record::{
     FactorRecord, FactorStatus, LogLevel, LogRecord, RigidRecord, StepFlags, StepRecord, TickFlags, TickRecord,

@@ -1,19 +1,20 @@
 //! Geometry, poses and log lines as the well-known `foxglove.*` messages.
 //!
-//! Frames: `world` is the root; `tool`, `device` and rigid bodies move in it.
+//! Frames: `world` is the root; `tool`, `device` and rigid bodies move in it, the jaws of a tool in that of the tool.
 
 use foxglove::messages::{
     Color, CylinderPrimitive, FrameTransform, FrameTransforms, Log, Point3, Pose, PoseInFrame, Quaternion, SceneEntity,
     SceneUpdate, SpherePrimitive, Timestamp, TriangleListPrimitive, Vector3,
 };
 
-use crate::geometry::{SolidGeometry, ToolShape};
+use crate::geometry::{SolidGeometry, ToolHinge, ToolShape};
 use crate::record::{LogRecord, RigidRecord, TickRecord};
+use crate::tool_message::jaw_transforms;
 
 pub(crate) const WORLD: &str = "world";
-const TOOL: &str = "tool";
+pub(crate) const TOOL: &str = "tool";
 const DEVICE: &str = "device";
-const TOOL_COLOR: [f64; 4] = [0.6, 0.63, 0.68, 1.0];
+pub(crate) const TOOL_COLOR: [f64; 4] = [0.6, 0.63, 0.68, 1.0];
 const RIGID_COLOR: [f64; 4] = [0.35, 0.47, 0.62, 1.0];
 const FIXED_COLOR: [f64; 4] = [0.45, 0.45, 0.43, 1.0];
 
@@ -32,7 +33,7 @@ fn quaternion([x, y, z, w]: [f64; 4]) -> Quaternion {
     Quaternion { x, y, z, w }
 }
 
-fn pose(position: [f64; 3], orientation: [f64; 4]) -> Pose {
+pub(crate) fn pose(position: [f64; 3], orientation: [f64; 4]) -> Pose {
     Pose { position: Some(vector(position)), orientation: Some(quaternion(orientation)) }
 }
 
@@ -44,7 +45,7 @@ pub(crate) fn color([r, g, b, a]: [f64; 4]) -> Color {
     Color { r, g, b, a }
 }
 
-fn frame(child: &str, position: [f64; 3], orientation: [f64; 4], unix_ns: u64) -> FrameTransform {
+pub(crate) fn frame(child: &str, position: [f64; 3], orientation: [f64; 4], unix_ns: u64) -> FrameTransform {
     FrameTransform {
         timestamp: Some(timestamp(unix_ns)),
         parent_frame_id: WORLD.into(),
@@ -54,13 +55,15 @@ fn frame(child: &str, position: [f64; 3], orientation: [f64; 4], unix_ns: u64) -
     }
 }
 
-pub(crate) fn frame_transforms(tick: &TickRecord, unix_ns: u64) -> FrameTransforms {
-    FrameTransforms {
-        transforms: vec![
-            frame(TOOL, tick.tool_position, tick.tool_orientation, unix_ns),
-            frame(DEVICE, tick.device_position, tick.device_orientation, unix_ns),
-        ],
+pub(crate) fn frame_transforms(tick: &TickRecord, hinge: Option<&ToolHinge>, unix_ns: u64) -> FrameTransforms {
+    let mut transforms = vec![
+        frame(TOOL, tick.tool_position, tick.tool_orientation, unix_ns),
+        frame(DEVICE, tick.device_position, tick.device_orientation, unix_ns),
+    ];
+    if let Some(hinge) = hinge {
+        transforms.extend(jaw_transforms(hinge, tick.tool_opening, unix_ns));
     }
+    FrameTransforms { transforms }
 }
 
 pub(crate) fn rigid_transform(name: &str, body: &RigidRecord, unix_ns: u64) -> FrameTransforms {
@@ -85,11 +88,6 @@ pub(crate) fn log(record: &LogRecord, unix_ns: u64) -> Log {
     }
 }
 
-pub(crate) fn tool_shape(shape: &ToolShape, unix_ns: u64) -> SceneUpdate {
-    let entity = entity(TOOL, TOOL, shape, &identity(), TOOL_COLOR, unix_ns);
-    SceneUpdate { deletions: Vec::new(), entities: vec![entity] }
-}
-
 /// Fixed bodies at their place in the world, rigid ones in frames of their own.
 pub(crate) fn body_shapes(solids: &[SolidGeometry], unix_ns: u64) -> SceneUpdate {
     let entities = solids.iter().map(|solid| {
@@ -103,7 +101,14 @@ pub(crate) fn body_shapes(solids: &[SolidGeometry], unix_ns: u64) -> SceneUpdate
 }
 
 /// A shape that lies at `place` of a frame.
-fn entity(id: &str, frame: &str, shape: &ToolShape, place: &Pose, fill: [f64; 4], unix_ns: u64) -> SceneEntity {
+pub(crate) fn entity(
+    id: &str,
+    frame: &str,
+    shape: &ToolShape,
+    place: &Pose,
+    fill: [f64; 4],
+    unix_ns: u64,
+) -> SceneEntity {
     let mut entity = SceneEntity {
         timestamp: Some(timestamp(unix_ns)),
         frame_id: frame.into(),
@@ -111,6 +116,12 @@ fn entity(id: &str, frame: &str, shape: &ToolShape, place: &Pose, fill: [f64; 4]
         frame_locked: true,
         ..SceneEntity::default()
     };
+    add(&mut entity, shape, place, fill);
+    entity
+}
+
+/// Adds a shape that lies at `place` of the entity's frame.
+fn add(entity: &mut SceneEntity, shape: &ToolShape, place: &Pose, fill: [f64; 4]) {
     match shape {
         ToolShape::Sphere { radius } => entity.spheres.push(sphere([0.0; 3], *radius, place, fill)),
         ToolShape::Capsule { a, b, radius } => {
@@ -124,8 +135,10 @@ fn entity(id: &str, frame: &str, shape: &ToolShape, place: &Pose, fill: [f64; 4]
             colors: Vec::new(),
             indices: triangles.iter().flatten().copied().collect(),
         }),
+        ToolShape::Compound { parts, .. } => {
+            parts.iter().for_each(|part| add(entity, &part.shape, &within(place, part.pose.0, part.pose.1), fill));
+        }
     }
-    entity
 }
 
 /// The pose in the frame of `place` of what lies at a pose within it.
@@ -137,7 +150,7 @@ fn within(place: &Pose, position: [f64; 3], orientation: [f64; 4]) -> Pose {
 }
 
 /// `q v q*` for a unit quaternion, by `v + 2 w (r x v) + 2 r x (r x v)`.
-fn rotated([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
+pub(crate) fn rotated([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     let cross =
         |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let t = cross([x, y, z], v);

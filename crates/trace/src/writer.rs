@@ -13,11 +13,13 @@ use mcap::{Compression, McapError, McapResult, WriteOptions};
 
 use crate::config::TraceConfig;
 use crate::error::TraceError;
+use crate::geometry::ToolHinge;
 use crate::record::{FactorRecord, LogRecord, Record, RigidRecord, StepRecord, TickRecord};
 use crate::ring::Skin;
-use crate::scene_message::{body_shapes, frame_transforms, log, rigid_transform, tool_pose, tool_shape};
+use crate::scene_message::{body_shapes, frame_transforms, log, rigid_transform, tool_pose};
 use crate::sink::{CountingSink, TraceSink};
 use crate::tissue_message::TissueMessages;
+use crate::tool_message::{hinge_of, tool_shape};
 use crate::topic::Topic;
 
 /// Uncompressed size at which a chunk is closed (bytes).
@@ -49,6 +51,8 @@ pub struct TraceWriter<S: TraceSink> {
     whole: u64,
     whole_counts: [u32; Topic::ALL.len()],
     start_unix_ns: u64,
+    /// What the tool's jaws turn about.
+    hinge: Option<ToolHinge>,
     pose_stride: u64,
     /// Names of the bodies that move.
     rigid: Vec<String>,
@@ -96,6 +100,7 @@ impl<S: TraceSink> TraceWriter<S> {
             whole_counts: [0; Topic::ALL.len()],
             start_unix_ns: config.start_unix_ns,
             pose_stride: config.pose_stride,
+            hinge: hinge_of(config.tool.as_ref()),
             rigid: config.solids.iter().filter(|s| s.moves).map(|s| s.name.clone()).collect(),
             flush_period_ns: config.flush_period_ns,
             next_flush_ns: config.flush_period_ns,
@@ -264,7 +269,11 @@ impl<S: TraceSink> TraceWriter<S> {
         self.write_record(Topic::HapticSample, tick.time_ns, tick)?;
         if tick.tick.is_multiple_of(self.pose_stride) {
             let unix_ns = self.unix_ns(tick.time_ns);
-            self.write_foxglove(Topic::Transforms, tick.time_ns, &frame_transforms(tick, unix_ns))?;
+            self.write_foxglove(
+                Topic::Transforms,
+                tick.time_ns,
+                &frame_transforms(tick, self.hinge.as_ref(), unix_ns),
+            )?;
             self.write_foxglove(Topic::ToolPose, tick.time_ns, &tool_pose(tick, unix_ns))?;
         }
         Ok(())

@@ -65,6 +65,11 @@ impl Bits {
             work_ns: self.count(),
             force_jump: self.double(),
             energy: self.double(),
+            device_gripper: self.double(),
+            tool_opening: self.double(),
+            gripper_torque: self.double(),
+            gripper_torque_unlimited: self.double(),
+            torque_unlimited: self.doubles(),
         }
     }
 
@@ -106,6 +111,7 @@ impl Bits {
             phase: self.count() as u32,
             rung: self.count() as i32,
             lower_error: self.double(),
+            tool_opening: self.double(),
         }
     }
 }

@@ -48,6 +48,7 @@ pub fn input(time_ns: u64, position: [f64; 3]) -> Input {
         angular_velocity: [0.0; 3],
         buttons: 0,
         reserved: 0,
+        gripper: 1.0,
     }
 }
 
@@ -70,6 +71,10 @@ pub fn stale_output() -> Output {
         contacts: 99,
         phase: 99,
         energy: 99.0,
+        contact_torque: [99.0; 3],
+        gripper_effort: 99.0,
+        gripper_torque: 99.0,
+        tool_opening: 99.0,
     }
 }
 
@@ -106,7 +111,11 @@ pub struct Rig {
 
 impl Rig {
     pub fn new(options: &Options) -> Self {
-        let (status, simulation) = create(SCENE, options);
+        Self::of(SCENE, options)
+    }
+
+    pub fn of(scene: &str, options: &Options) -> Self {
+        let (status, simulation) = create(scene, options);
         assert_eq!(status, Status::Ok, "{}", last_error());
         let (status, port) = open_port(simulation);
         assert_eq!(status, Status::Ok, "{}", last_error());

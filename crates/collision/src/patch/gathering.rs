@@ -5,6 +5,7 @@ use nalgebra::{Isometry3, Vector3};
 use super::SkinPatch;
 use crate::broad_phase::{SurfaceGeometry, is_usable};
 use crate::shape::ToolShape;
+use crate::tool::{PlacedPart, Tool, ToolPose};
 use crate::tree::Aabb;
 use crate::triangle::{closest_on_triangle, closest_to_segment};
 
@@ -69,20 +70,49 @@ impl PatchGathering {
         movable: impl Fn(u32) -> bool,
         patch: &mut SkinPatch,
     ) -> PatchReport {
+        let part = std::iter::once(PlacedPart::alone(tool, pose));
+        self.gather_parts(surface, positions, (part, &ToolPose::from(pose)), config, movable, patch)
+    }
+
+    /// The same around a tool of several parts; [`SkinPatch::set_other_sides`] is to follow.
+    pub fn gather_tool(
+        &mut self,
+        surface: &SurfaceGeometry,
+        positions: &[Vector3<f64>],
+        (tool, pose): (&Tool, &ToolPose),
+        config: &PatchConfig,
+        movable: impl Fn(u32) -> bool,
+        patch: &mut SkinPatch,
+    ) -> PatchReport {
+        self.gather_parts(surface, positions, (tool.placed(*pose), pose), config, movable, patch)
+    }
+
+    fn gather_parts<'a>(
+        &mut self,
+        surface: &SurfaceGeometry,
+        positions: &[Vector3<f64>],
+        (parts, pose): (impl Iterator<Item = PlacedPart<'a>> + Clone, &ToolPose),
+        config: &PatchConfig,
+        movable: impl Fn(u32) -> bool,
+        patch: &mut SkinPatch,
+    ) -> PatchReport {
         patch.clear();
         let within = config.margin + config.travel;
-        let usable = is_usable(&pose.translation.vector) && pose.rotation.coords.iter().all(|x| x.is_finite());
+        let usable = is_usable(&pose.frame.translation.vector) && pose.is_finite();
         if !usable || !within.is_finite() {
             return PatchReport::default();
         }
         patch.side = config.side;
         self.near.clear();
-        let (low, high) = tool.bounding_box(pose);
+        let none = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+        let boxes = parts.clone().map(|part| part.shape.bounding_box(&part.pose));
+        let (low, high) = boxes.fold(none, |all, own| (all.0.inf(&own.0), all.1.sup(&own.1)));
         let range = Vector3::repeat(within + config.travel);
         let near = &mut self.near;
         surface.query(&Aabb { low: low - range, high: high + range }, |t| {
             let Some(corners) = surface.corners(t, positions) else { return };
-            let distance = distance(tool, pose, &corners);
+            let distances = parts.clone().map(|part| distance(part.shape, &part.pose, &corners));
+            let distance = distances.fold(f64::INFINITY, f64::min);
             if distance <= within && near.len() < near.capacity() {
                 near.push(Near { distance, triangle: t });
             }

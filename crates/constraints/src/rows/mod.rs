@@ -31,6 +31,8 @@
 //! compliance of its own: it is no part of the tissue's problem, where its force has no bound, and its rows are built
 //! apart by [`build_fixed_rows`] for a problem in which the tool yields.
 
+mod motion;
+mod report;
 mod rigid;
 mod support;
 mod twist;
@@ -43,8 +45,10 @@ use palpate_fem::nodal_rows::NodalRows;
 use crate::frame::ContactFrame;
 use support::Support;
 
+pub use motion::ToolMotion;
+pub use report::RowReport;
 pub use rigid::RigidRows;
-pub use twist::{ToolMotion, ToolRow, ToolWrench, Twist, TwistRow};
+pub use twist::{ToolRow, ToolWrench, Twist, TwistRow};
 
 /// The rows of one contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -139,6 +143,8 @@ pub struct RigidSide {
 }
 
 /// What the normals of contacts point away from.
+// There is one for all contacts of a pair of bodies.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Counterpart {
     /// A tool, already at its pose of the end of the step.
@@ -167,21 +173,6 @@ pub struct RowInput<'a> {
     pub counterpart: Counterpart,
     /// Three rows a contact with friction, one without.
     pub friction: bool,
-}
-
-/// What became of the contacts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RowReport {
-    /// Contacts that got rows.
-    pub contacts: usize,
-    /// Rows built.
-    pub rows: usize,
-    /// Contacts on fixed nodes alone: nothing there can move; see [`build_fixed_rows`].
-    pub rigid: usize,
-    /// Contacts beyond the capacity stated at set-up.
-    pub dropped: usize,
-    /// Contacts with a number that is not finite or a node that the body does not have.
-    pub invalid: usize,
 }
 
 /// Replaces the rows by those of `contacts`, in their order.
@@ -225,7 +216,8 @@ pub fn append_solid_rows(
             report.invalid += 1;
             continue;
         }
-        let place = Place { index, normal: contact.normal, point: contact.point, gap: contact.gap };
+        let feature = contact.feature;
+        let place = Place { index, feature, normal: contact.normal, point: contact.point, gap: contact.gap };
         let lever = contact.point - body.centre;
         report.push(rows, |rows| {
             push_rows(&place, counterpart, dt, friction, rows, |d, rows| {
@@ -236,30 +228,6 @@ pub fn append_solid_rows(
         });
     }
     report
-}
-
-impl RowReport {
-    /// Counts a contact whose rows `push` appends, where there is room for them.
-    fn push(&mut self, rows: &mut ContactRows, push: impl FnOnce(&mut ContactRows) -> usize) {
-        if rows.blocks.len() == rows.capacity {
-            self.dropped += 1;
-            return;
-        }
-        self.contacts += 1;
-        self.rows += push(rows);
-    }
-
-    /// Both counts together.
-    #[must_use]
-    pub fn and(self, other: Self) -> Self {
-        Self {
-            contacts: self.contacts + other.contacts,
-            rows: self.rows + other.rows,
-            rigid: self.rigid + other.rigid,
-            dropped: self.dropped + other.dropped,
-            invalid: self.invalid + other.invalid,
-        }
-    }
 }
 
 /// Replaces the rows by those of the contacts on fixed nodes alone, in their order; the tissue's part of each is empty.
@@ -280,7 +248,8 @@ pub fn build_fixed_rows(contacts: &[Contact], input: &RowInput, rows: &mut Conta
 
 /// Appends the rows of one contact of the tissue and returns their number.
 fn push_contact(index: usize, contact: &Contact, support: &Support, input: &RowInput, rows: &mut ContactRows) -> usize {
-    let place = Place { index, normal: contact.normal, point: contact.tissue_point, gap: contact.gap };
+    let feature = contact.feature;
+    let place = Place { index, feature, normal: contact.normal, point: contact.tissue_point, gap: contact.gap };
     let motion = support.velocity * input.dt;
     push_rows(&place, &input.counterpart, input.dt, input.friction, rows, |d, rows| {
         rows.tissue.push_row(support.entries().map(|(node, weight)| (node, d * weight)));
@@ -291,6 +260,7 @@ fn push_contact(index: usize, contact: &Contact, support: &Support, input: &RowI
 /// Where a contact is.
 struct Place {
     index: usize,
+    feature: u64,
     normal: Vector3<f64>,
     point: Vector3<f64>,
     gap: f64,
@@ -320,7 +290,7 @@ fn push_rows(
                 let lever = place.point - reference;
                 tool = ToolRow::new(d, &lever);
                 // The gap is measured with the tool at the end of its way.
-                if k == 0 { 0.0 } else { -d.dot(&motion.displacement(&lever)) }
+                if k == 0 { 0.0 } else { -d.dot(&motion.displacement_at(place.feature, &lever)) }
             }
             Counterpart::Rigid(side) => {
                 let row = TwistRow::new(d, &(place.point - side.centre));

@@ -1,6 +1,6 @@
 //! What a row says of a body that moves as a whole: a tool or a rigid body.
 
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::Vector3;
 
 /// The part of a row on a body with a velocity and an angular velocity about its reference point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -49,33 +49,4 @@ pub struct ToolWrench {
     pub force: Vector3<f64>,
     /// Torque about the reference point [N m].
     pub torque: Vector3<f64>,
-}
-
-/// How a tool moved during a step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ToolMotion {
-    translation: Vector3<f64>,
-    /// `1 - Rᵀ` for the rotation `R` of the step: a lever at the end of the step times this is its displacement.
-    turn: Matrix3<f64>,
-}
-
-impl ToolMotion {
-    /// A tool at rest.
-    pub fn none() -> Self {
-        Self { translation: Vector3::zeros(), turn: Matrix3::zeros() }
-    }
-
-    /// The motion from one pose to another.
-    pub fn between(previous: &Isometry3<f64>, current: &Isometry3<f64>) -> Self {
-        let step = current.rotation * previous.rotation.inverse();
-        Self {
-            translation: current.translation.vector - previous.translation.vector,
-            turn: Matrix3::identity() - step.inverse().to_rotation_matrix().into_inner(),
-        }
-    }
-
-    /// Displacement \[m\] during the step of the tool's point that ends it at `lever` \[m\] from the reference point.
-    pub fn displacement(&self, lever: &Vector3<f64>) -> Vector3<f64> {
-        self.translation + self.turn * lever
-    }
 }

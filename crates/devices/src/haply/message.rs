@@ -132,7 +132,8 @@ impl Message {
             Unit::try_new(Quaternion::new(q.w, q.x, q.y, q.z), 0.5)
         });
         let pose = Isometry3::from_parts(Translation3::from(position), rotation.ok_or(DeviceError::Malformed)?);
-        Ok(DeviceSample { time: 0.0, pose, velocity: Twist { linear, ..Twist::default() }, buttons })
+        let velocity = Twist { linear, ..Twist::default() };
+        Ok(DeviceSample { velocity, buttons, ..DeviceSample::at_rest(0.0, pose) })
     }
 }
 

@@ -21,6 +21,7 @@ static int system_type = 33; /* DHD_DEVICE_OMEGA3 */
 static int forces_enabled = 0;
 static int calls = 0;
 static int unplug_after = -1;
+static double gripper_force;
 static double position[3], velocity[3], hand[3], force[3], torque[3];
 
 void stand_in_devices(int n) { devices = n; }
@@ -36,6 +37,9 @@ void stand_in_force(double *out)
         out[3 + i] = torque[i];
     }
 }
+
+/* In thousandths of a newton. */
+int stand_in_gripper(void) { return (int)lround(1e3 * gripper_force); }
 
 static int fail(int code)
 {
@@ -77,7 +81,15 @@ int dhdGetSystemType(char id) { (void)id; return system_type; }
 const char *dhdGetSystemName(char id) { (void)id; return "stand-in omega"; }
 bool dhdHasWrist(char id) { (void)id; return true; }
 bool dhdHasActiveWrist(char id) { (void)id; return system_type == 104; }
-bool dhdHasGripper(char id) { (void)id; return false; }
+bool dhdHasGripper(char id) { (void)id; return system_type == 104; }
+
+int dhdGetGripperGap(double *gap, char id)
+{
+    (void)id;
+    if (gone()) return fail(2);
+    *gap = 0.010;
+    return 0;
+}
 
 int dhdEnableForce(unsigned char value, char id)
 {
@@ -129,8 +141,8 @@ int dhdSetForceAndTorqueAndGripperForce(double fx, double fy, double fz, double 
                                         char id)
 {
     (void)id;
-    (void)fg;
     if (gone()) return fail(2);
+    gripper_force = fg;
     force[0] = fx;
     force[1] = fy;
     force[2] = fz;

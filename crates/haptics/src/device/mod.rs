@@ -51,13 +51,15 @@ pub struct DeviceSample {
     pub velocity: Twist,
     /// Switches, one bit each.
     pub buttons: u32,
+    /// How far its gripper is open, 0 closed to 1 open; 1 for a device without.
+    pub gripper: f64,
 }
 
 impl DeviceSample {
     /// A sample at rest.
     #[must_use]
     pub fn at_rest(time: f64, pose: Isometry3<f64>) -> Self {
-        Self { time, pose, velocity: Twist::default(), buttons: 0 }
+        Self { time, pose, velocity: Twist::default(), buttons: 0, gripper: 1.0 }
     }
 }
 
@@ -97,6 +99,10 @@ pub trait HapticDevice: Send {
     /// # Errors
     /// The device does not answer.
     fn write(&mut self, wrench: Wrench) -> Result<(), DeviceError>;
+
+    /// Asks for a force of the gripper, with the next [`write`](Self::write): the work of a whole opening \[J\], positive
+    /// opens ([`crate::gripper`]). A device without motors there passes it over.
+    fn write_gripper(&mut self, _effort: f64) {}
 
     /// Takes force off and ends the connection. Calls after it answer [`DeviceError::Closed`].
     fn close(&mut self);

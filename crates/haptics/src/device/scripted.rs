@@ -15,20 +15,21 @@ pub const REGISTRATION: Registration =
 pub struct ScriptedDevice {
     spec: DeviceSpec,
     script: HandScript,
+    /// Before the script's rotation.
     orientation: UnitQuaternion<f64>,
     wrench: Wrench,
     open: bool,
 }
 
 impl ScriptedDevice {
-    /// A device on this path, not rotated.
+    /// A device on this path.
     #[must_use]
     pub fn new(script: HandScript) -> Self {
         let spec = DeviceSpec { name: "scripted".to_owned(), ..DeviceSpec::virtual_device(0.0) };
         Self { spec, script, orientation: UnitQuaternion::identity(), wrench: Wrench::zero(), open: true }
     }
 
-    /// The same with a fixed orientation.
+    /// The same, turned by this orientation before the path turns it.
     #[must_use]
     pub fn with_orientation(mut self, orientation: UnitQuaternion<f64>) -> Self {
         self.orientation = orientation;
@@ -56,9 +57,9 @@ impl HapticDevice for ScriptedDevice {
             return Err(DeviceError::Closed);
         }
         let intent = self.script.intent(tick.time);
-        let pose = Isometry3::from_parts(Translation3::from(intent.position), self.orientation);
-        let velocity = Twist { linear: intent.velocity, ..Twist::default() };
-        Ok(DeviceSample { time: tick.time, pose, velocity, buttons: 0 })
+        let pose = Isometry3::from_parts(Translation3::from(intent.position), intent.rotation * self.orientation);
+        let velocity = Twist { linear: intent.velocity, angular: intent.angular_velocity };
+        Ok(DeviceSample { velocity, gripper: intent.gripper, ..DeviceSample::at_rest(tick.time, pose) })
     }
 
     fn write(&mut self, wrench: Wrench) -> Result<(), DeviceError> {

@@ -15,9 +15,10 @@
 //! loop that reads the device believes in a regular clock. The device measures its velocity with its own clock.
 //!
 //! The motion is a function of the sequence of ticks and wrenches, and of nothing else: real time and lockstep agree
-//! to the bit. The end effector does not rotate, and torques are ignored.
+//! to the bit. Rotation and gripper have no dynamics: they follow the script exactly, also while the hand has let go, and
+//! torques are ignored.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Translation3, Vector3};
 
 use super::motion::{Drive, Motion, Propagator};
 use super::{DeviceError, DeviceSample, DeviceSetup, DeviceSpec, HapticDevice, Opened, Registration, TickTime};
@@ -234,9 +235,10 @@ impl HapticDevice for VirtualDevice {
             self.measure(0.0);
         }
         self.started = true;
-        let velocity = Twist { linear: self.measured_velocity, ..Twist::default() };
-        let pose = Isometry3::translation(self.measured.x, self.measured.y, self.measured.z);
-        Ok(DeviceSample { time: self.now, pose, velocity, buttons: 0 })
+        let intent = self.script.intent(tick.time);
+        let velocity = Twist { linear: self.measured_velocity, angular: intent.angular_velocity };
+        let pose = Isometry3::from_parts(Translation3::from(self.measured), intent.rotation);
+        Ok(DeviceSample { velocity, gripper: intent.gripper, ..DeviceSample::at_rest(self.now, pose) })
     }
 
     /// A force that is not finite is taken as zero, as a motor amplifier would refuse it.

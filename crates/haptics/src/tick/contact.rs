@@ -1,10 +1,12 @@
 //! The contact of a tick: its problem at the newest pose, and what of its wrench is sent.
 
 use nalgebra::{Isometry3, Vector3};
+use palpate_collision::ToolPose;
 
+use super::grip::is_sound;
 use super::local::{Local, Problem, TickWorkspace};
 use super::patch::{PatchProblem, ToolPoses};
-use super::{Tick, TickState, is_pose};
+use super::{Tick, TickState};
 use crate::device::DeviceSample;
 use crate::record::TickFlags;
 use crate::snapshot::HapticSnapshot;
@@ -24,7 +26,8 @@ impl Tick {
         sample: &DeviceSample,
         ws: &mut TickWorkspace,
     ) {
-        if outgoing.valid && state.step == Some(outgoing.step) && is_pose(&sample.pose) {
+        if outgoing.valid && state.step == Some(outgoing.step) && is_sound(sample) {
+            self.read(state, sample);
             let poses = self.poses(state, sample);
             let local = match (self.local(outgoing), &state.patch) {
                 (Some(problem), Some(memory)) => problem.solve(memory, &outgoing.patch, &poses, ws),
@@ -49,6 +52,7 @@ impl Tick {
         flags.set_if(local.truncated, TickFlags::TRUNCATED);
         flags.set_if(!local.converged, TickFlags::NOT_CONVERGED);
         state.coupling = self.coupling.settle(&state.coupling, &local.wrench);
+        self.settle_gripper(state, local.gripper);
         self.keep(state, snapshot, &sample.pose, ws);
         let free = local.active == 0 && !flags.contains(TickFlags::BEYOND_PATCH);
         flags.set_if(state.jump.withdraws(free), TickFlags::JUMPED);
@@ -58,7 +62,7 @@ impl Tick {
         if flags.contains(TickFlags::NON_FINITE) {
             state.cut();
             state.warm_start.clear_forces();
-            (sent, Local { wrench: Wrench::zero(), active: 0, ..local })
+            (sent, Local { wrench: Wrench::zero(), gripper: 0.0, active: 0, ..local })
         } else {
             (sent, local)
         }
@@ -77,18 +81,20 @@ impl Tick {
     }
 
     fn problem(&self) -> Problem<'_> {
-        Problem { solver: &self.solver, coupling: &self.coupling }
+        Problem { solver: &self.solver, coupling: &self.coupling, gripper: self.gripper.as_ref() }
     }
 
     /// What solves on the snapshot's patch, where the tick works on patches and the snapshot has one.
     fn local(&self, snapshot: &HapticSnapshot) -> Option<PatchProblem<'_>> {
         let config = self.patch.as_ref().filter(|_| snapshot.patch.valid)?;
-        Some(PatchProblem { solver: &self.solver, coupling: &self.coupling, config })
+        Some(PatchProblem { solver: &self.solver, coupling: &self.coupling, gripper: self.gripper.as_ref(), config })
     }
 
     fn poses(&self, state: &TickState, sample: &DeviceSample) -> ToolPoses {
-        let held = state.coupling.tool(&sample.pose);
-        ToolPoses { held, predicted: self.coupling.predict(&state.coupling, &sample.pose) }
+        let held = self.tool(state, &sample.pose);
+        let frame = self.coupling.predict(&state.coupling, &sample.pose);
+        let opening = self.gripper.as_ref().map_or(0.0, |gripper| gripper.predict(&state.gripper));
+        ToolPoses { held, predicted: ToolPose { frame, opening } }
     }
 
     /// The contact problem of the tick: on the patch, or on the snapshot's own rows.
@@ -108,7 +114,7 @@ impl Tick {
                     memory.take_over(&snapshot.patch);
                 }
                 flags.set(TickFlags::LOCAL);
-                let beyond = problem.is_beyond(&snapshot.patch, &snapshot.tool_pose, &poses.held);
+                let beyond = problem.is_beyond(&snapshot.patch, &snapshot.tool(), &poses.held);
                 flags.set_if(beyond, TickFlags::BEYOND_PATCH);
                 problem.solve(memory, &snapshot.patch, poses, ws)
             }
@@ -118,7 +124,7 @@ impl Tick {
 
     /// Lets a tick on a patch be remembered.
     fn keep(&self, state: &mut TickState, snapshot: &HapticSnapshot, device: &Isometry3<f64>, ws: &TickWorkspace) {
-        let tool = state.coupling.tool(device);
+        let tool = self.tool(state, device);
         if let (Some(problem), Some(memory), Some(ws)) = (self.local(snapshot), &mut state.patch, &ws.patch) {
             memory.keep(&snapshot.patch, problem.config.hand_over, &tool, ws);
         }

@@ -1,6 +1,7 @@
 //! The local problem of a tick: the snapshot's, with the coupling's compliance, at the newest pose.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
+use palpate_collision::ToolPose;
 use palpate_constraints::law::Signorini;
 use palpate_solver::gauss_seidel::{self, GaussSeidelConfig, GaussSeidelWorkspace};
 use palpate_solver::problem::{Block, ProblemView};
@@ -8,6 +9,7 @@ use palpate_solver::problem::{Block, ProblemView};
 use super::patch::{PatchTickConfig, PatchWorkspace};
 use super::warm_start::WarmStart;
 use crate::coupling::Coupling;
+use crate::gripper::Gripper;
 use crate::snapshot::{HapticSnapshot, ROWS_PER_CONTACT};
 use crate::wrench::Wrench;
 
@@ -58,6 +60,8 @@ impl TickWorkspace {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Local {
     pub(super) wrench: Wrench,
+    /// Torque on the opening of the jaws \[N m\].
+    pub(super) gripper: f64,
     /// Smallest gap at λ \[m\]; infinite without contacts.
     pub(super) gap: f64,
     pub(super) contacts: u32,
@@ -73,6 +77,7 @@ pub(super) struct Local {
 impl Local {
     pub(super) const EMPTY: Self = Self {
         wrench: Wrench { force: Vector3::new(0.0, 0.0, 0.0), torque: Vector3::new(0.0, 0.0, 0.0) },
+        gripper: 0.0,
         gap: f64::INFINITY,
         contacts: 0,
         active: 0,
@@ -89,6 +94,7 @@ impl Local {
 pub(super) struct Problem<'a> {
     pub(super) solver: &'a GaussSeidelConfig,
     pub(super) coupling: &'a Coupling,
+    pub(super) gripper: Option<&'a Gripper>,
 }
 
 impl Problem<'_> {
@@ -97,7 +103,7 @@ impl Problem<'_> {
         &self,
         warm_start: &mut WarmStart,
         snapshot: &HapticSnapshot,
-        predicted: &Isometry3<f64>,
+        predicted: &ToolPose,
         ws: &mut TickWorkspace,
     ) -> Local {
         let contacts = snapshot.contacts().min(ws.max_contacts()).min(warm_start.max_contacts());
@@ -130,6 +136,7 @@ impl Problem<'_> {
         Local {
             finite,
             wrench,
+            gripper: snapshot.gripper_rows().iter().zip(&*lambda).map(|(row, lambda)| row * lambda).sum(),
             gap,
             contacts: contacts as u32,
             active: active as u32,
@@ -150,18 +157,29 @@ impl Problem<'_> {
             line.copy_from_slice(&of_snapshot[..rows]);
         }
         self.coupling.add_compliance(&snapshot.tool_rows()[..rows], w);
+        if let Some(gripper) = self.gripper {
+            let rates = &snapshot.gripper_rows()[..rows];
+            for (line, a) in w.chunks_exact_mut(rows).zip(rates) {
+                line.iter_mut().zip(rates).for_each(|(w, b)| *w += gripper.compliance() * a * b);
+            }
+        }
         ws.finite = w.iter().all(|w| w.is_finite());
         ws.step = Some(snapshot.step);
     }
 }
 
 /// δ at the predicted pose.
-fn move_tool(snapshot: &HapticSnapshot, tool_rows: &[[f64; 6]], predicted: &Isometry3<f64>, delta: &mut [f64]) {
-    let moved = predicted.translation.vector - snapshot.tool_pose.translation.vector;
-    let turned = (predicted.rotation * snapshot.tool_pose.rotation.inverse()).scaled_axis();
-    for ((delta, free), row) in delta.iter_mut().zip(snapshot.delta_free()).zip(tool_rows) {
+fn move_tool(snapshot: &HapticSnapshot, tool_rows: &[[f64; 6]], predicted: &ToolPose, delta: &mut [f64]) {
+    let (frame, opened) = (&predicted.frame, predicted.opening - snapshot.opening);
+    let moved = frame.translation.vector - snapshot.tool_pose.translation.vector;
+    let turned = (frame.rotation * snapshot.tool_pose.rotation.inverse()).scaled_axis();
+    let rows = tool_rows.iter().zip(snapshot.gripper_rows());
+    for ((delta, free), (row, gripper)) in delta.iter_mut().zip(snapshot.delta_free()).zip(rows) {
         let rotation = row[3] * turned.x + row[4] * turned.y + row[5] * turned.z;
         *delta = free + row[0] * moved.x + row[1] * moved.y + row[2] * moved.z + rotation;
+        if *gripper != 0.0 {
+            *delta += gripper * opened;
+        }
     }
 }
 

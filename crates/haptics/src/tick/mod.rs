@@ -18,6 +18,7 @@
 mod config;
 mod contact;
 mod course;
+mod grip;
 mod jump;
 mod local;
 mod patch;
@@ -31,6 +32,7 @@ use crate::SetupError;
 use crate::coupling::Coupling;
 use crate::device::{DeviceError, DeviceSample, DeviceSpec, TickTime};
 use crate::error::positive;
+use crate::gripper::{Gripper, GripperRecord};
 use crate::limits::Limits;
 use crate::passivity::Passivity;
 use crate::record::{TickFlags, TickRecord};
@@ -42,6 +44,7 @@ pub use local::TickWorkspace;
 pub use patch::PatchTickConfig;
 pub use state::TickState;
 
+use grip::is_sound;
 use local::Local;
 use patch::PatchMemory;
 
@@ -57,6 +60,7 @@ pub struct Tick {
     passivity: Passivity,
     limits: Limits,
     patch: Option<PatchTickConfig>,
+    gripper: Option<Gripper>,
 }
 
 impl Tick {
@@ -79,6 +83,7 @@ impl Tick {
             passivity: Passivity::new(&config.passivity, spec, config.period)?,
             limits: Limits::new(&config.limits, spec)?,
             patch: None,
+            gripper: None,
         })
     }
 
@@ -141,7 +146,7 @@ impl Tick {
         }
         let outgoing = state.outgoing.take();
 
-        let (sent, local) = if !is_pose(&sample.pose) {
+        let (sent, local) = if !is_sound(sample) {
             flags.set(TickFlags::BAD_POSE);
             state.device_velocity = Twist::default();
             state.cut();
@@ -153,15 +158,18 @@ impl Tick {
             } else {
                 flags.set(if snapshot.step == 0 { TickFlags::NO_SNAPSHOT } else { TickFlags::INVALID_SNAPSHOT });
                 state.coupling = self.coupling.settle(&state.coupling, &Wrench::zero());
+                self.settle_gripper(state, 0.0);
                 state.forget_patch();
                 (self.limits.release(&mut state.limits, dt, &mut flags), Local::EMPTY)
             }
         };
         self.passivity.keep(&mut state.passivity, &sent, local.active > 0, aged);
 
+        let gripper = self.grip(state, local.gripper, dt, &mut flags);
         let swapped = flags.contains(TickFlags::NEW_SNAPSHOT);
         let jump = outgoing.filter(|_| swapped).map_or(0.0, |before| (local.wrench.force - before).norm());
-        record(state, snapshot, TickTime { dt: aged, ..time }, sent, &local, jump, flags)
+        let record = record(state, snapshot, TickTime { dt: aged, ..time }, sent, &local, jump, flags);
+        TickRecord { gripper, ..record }
     }
 
     /// A tick without a sample: no force, and a ramp when the device is back.
@@ -180,12 +188,13 @@ impl Tick {
         state.cut();
         state.outgoing = None;
         let record = record(state, snapshot, TickTime { dt: aged, ..time }, Wrench::zero(), &Local::EMPTY, 0.0, flags);
-        TickRecord { device_error: Some(error), ..record }
+        let gripper = self.grip(state, 0.0, time.dt, &mut TickFlags::default());
+        TickRecord { device_error: Some(error), gripper, ..record }
     }
 
     /// Takes a sound sample, and books what went through the port until now.
     fn observe(&self, state: &mut TickState, sample: &DeviceSample) {
-        (state.device_pose, state.device_velocity) = (sample.pose, sample.velocity);
+        self.read(state, sample);
         if state.jump.watch(&self.limits, &sample.pose.translation.vector) {
             state.passivity.cut();
         }
@@ -226,6 +235,7 @@ fn record(
         snapshot_step: snapshot.step,
         snapshot_age: state.age,
         force_jump,
+        gripper: GripperRecord::default(),
         gain: state.limits.gain,
         energy: state.passivity.energy(),
         flags,

@@ -6,6 +6,7 @@ use super::jump::JumpState;
 use super::patch::PatchMemory;
 use super::warm_start::WarmStart;
 use crate::coupling::CouplingState;
+use crate::gripper::GripperState;
 use crate::limits::LimitsState;
 use crate::passivity::PassivityState;
 use crate::wrench::Twist;
@@ -27,6 +28,9 @@ pub struct TickState {
     pub(super) outgoing: Option<Vector3<f64>>,
     pub(super) device_pose: Isometry3<f64>,
     pub(super) device_velocity: Twist,
+    pub(super) gripper: GripperState,
+    /// How far the device's gripper was open, 0 to 1.
+    pub(super) device_gripper: f64,
 }
 
 impl TickState {
@@ -45,6 +49,8 @@ impl TickState {
             outgoing: None,
             device_pose: Isometry3::identity(),
             device_velocity: Twist::default(),
+            gripper: GripperState::default(),
+            device_gripper: 1.0,
         }
     }
 
@@ -62,6 +68,7 @@ impl TickState {
     /// Takes the force off at once, lets its return be a ramp, and forgets the stretch of the coupling.
     pub(crate) fn cut(&mut self) {
         self.coupling = CouplingState::default();
+        self.gripper.cut();
         self.passivity.cut();
         self.limits.cut();
         self.forget_patch();

@@ -132,7 +132,8 @@ impl Bench {
         (config.tolerance, config.sweeps) = (1e-9, 200);
         config.coupling.translation.stiffness = STIFFNESS;
         change(&mut config);
-        let patch = PatchTickConfig { tool: ball.shape.clone(), detection: ball.detection, max_nodes: 40, hand_over };
+        let patch =
+            PatchTickConfig { tool: ball.shape.clone().into(), detection: ball.detection, max_nodes: 40, hand_over };
         let tick = Tick::new(&config, &spec).and_then(|tick| tick.on_patches(patch)).expect("valid configuration");
         let contacts = ball.detection.max_contacts;
         Self { state: tick.state(contacts), ws: tick.workspace(contacts), tick, index: 0 }

@@ -6,7 +6,7 @@ use palpate_haptics::device::DeviceSpec;
 use palpate_trace::{Attachment, BodyGeometry, TraceConfig};
 
 use super::{DEVICE_RECORD, LOCKSTEP, SCENE};
-use crate::drawn::{solids, tool_shape};
+use crate::drawn::{solids, tool};
 use crate::run::RunOptions;
 use crate::world::World;
 
@@ -35,7 +35,7 @@ pub(super) fn config(world: &World, options: &RunOptions, device: &DeviceSpec) -
         attachments: vec![scene_file],
         bodies: vec![BodyGeometry::new(scene.bodies[0].name.clone(), rest, world.surface().triangles.clone())],
         solids: solids(world),
-        tool: tool_shape(world.tool()),
+        tool: tool(world.tool()),
         ..base
     }
 }

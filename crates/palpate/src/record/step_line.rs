@@ -16,7 +16,7 @@ impl StepLine {
     pub(crate) fn push(&mut self, report: &StepReport, world: &World, state: &StepState, keep_times: bool) {
         let Some((line, dt, drawn)) = &mut self.0 else { return };
         let wall = |seconds: f64| if keep_times { nanoseconds(seconds) } else { 0 };
-        let (times, rotation) = (&report.times, report.tool.rotation.coords);
+        let (times, rotation) = (&report.times, report.tool.frame.rotation.coords);
         let time_ns = nanoseconds(report.time);
         let mut flags = trace::StepFlags::default();
         flags.set(trace::StepFlags::OVERRUN, report.overruns > 0);
@@ -54,7 +54,7 @@ impl StepLine {
             inverted_elements: report.assembly.inverted,
             filtered_elements: report.assembly.filtered,
             flags,
-            tool_position: report.tool.translation.vector.into(),
+            tool_position: report.tool.frame.translation.vector.into(),
             tool_orientation: rotation.into(),
             compliance_error: report.error.along_forces,
             sampled_error: report.error.sampled,
@@ -64,6 +64,7 @@ impl StepLine {
             cuts: report.cuts,
             solver_attempts: report.attempts,
             phase: report.change.phase,
+            tool_opening: report.tool.opening,
             rung: report.rung.map_or(-1, |rung| rung as i32),
             lower_error: report.error.lower,
         });

@@ -63,6 +63,11 @@ impl TickLine {
             wake_latency_ns: nanoseconds(report.latency),
             work_ns: nanoseconds(report.work),
             force_jump: r.force_jump,
+            device_gripper: r.gripper.device,
+            tool_opening: r.gripper.opening,
+            gripper_torque: r.gripper.torque,
+            gripper_torque_unlimited: r.gripper.contact_torque,
+            torque_unlimited: r.contact_wrench.torque.into(),
             energy: r.energy.account,
         });
     }

@@ -25,7 +25,7 @@ pub struct ReplayReport {
     pub ticks: usize,
     /// Ticks of the new run that the trace does not hold, or the other way round.
     pub unmatched: usize,
-    /// The first tick whose force, torque or tool pose differs in any bit.
+    /// The first tick whose force, torque, tool pose or jaws differ in any bit.
     pub first_difference: Option<u64>,
     /// Largest difference of a force (N).
     pub largest_difference: f64,
@@ -152,13 +152,14 @@ impl Observer for Comparison<'_> {
             return;
         };
         self.next += 1;
-        let (wrench, pose) = (&report.record.wrench, &report.record.tool_pose);
+        let (wrench, pose, jaws) = (&report.record.wrench, &report.record.tool_pose, &report.record.gripper);
         let force: [f64; 3] = wrench.force.into();
         let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(x, y)| x.to_bits() == y.to_bits());
         let same = same(&force, &recorded.force)
             && same(wrench.torque.as_slice(), &recorded.torque)
             && same(pose.translation.vector.as_slice(), &recorded.tool_position)
-            && same(pose.rotation.coords.as_slice(), &recorded.tool_orientation);
+            && same(pose.rotation.coords.as_slice(), &recorded.tool_orientation)
+            && same(&[jaws.opening, jaws.torque], &[recorded.tool_opening, recorded.gripper_torque]);
         if !same {
             self.first.get_or_insert(recorded.tick);
             let difference = force.iter().zip(&recorded.force).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);

@@ -7,6 +7,7 @@
 use std::collections::VecDeque;
 
 use nalgebra::{Isometry3, Quaternion, Translation3, Unit, Vector3};
+use palpate_collision::ToolPose;
 use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, HapticDevice, TickTime};
 use palpate_haptics::exchange::{Writer, latest};
 use palpate_haptics::snapshot::HapticSnapshot;
@@ -26,7 +27,7 @@ use crate::world::World;
 /// Does every tick of the trace again and hands it to the comparison; false where a record is missing.
 pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_>) -> Result<bool, RunError> {
     let (snapshot_writer, snapshots) = latest(&world.empty_snapshot());
-    let (poses, _) = latest(&world.first_pose());
+    let (poses, _) = latest(&world.first_tool());
     let stated = trace.metadata.get("engine").and_then(|engine| engine.get(DEVICE_RECORD));
     let spec = stated.and_then(|text| toml::from_str(text).ok()).unwrap_or_else(|| DeviceSpec::virtual_device(0.0));
     let device = RecordedDevice { spec, ticks: trace.ticks.clone() };
@@ -87,7 +88,8 @@ impl<'a> Steps<'a> {
         let in_use = self.factors.iter().position(|factor| factor.epoch == record.factor_epoch)?;
         self.factors.drain(..in_use);
         let time = seconds(record.time_ns);
-        let tool = pose(record.tool_position, record.tool_orientation);
+        let frame = pose(record.tool_position, record.tool_orientation);
+        let tool = ToolPose { frame, opening: record.tool_opening };
         while let Some(change) = self.changes.pop_front_if(|change| change.step == number) {
             self.queue.change(self.world, &change.request).ok()?;
         }
@@ -134,7 +136,7 @@ impl HapticDevice for RecordedDevice {
             pose.translation.vector.fill(f64::NAN);
         }
         let velocity = Twist { linear: record.device_velocity.into(), angular: record.device_angular_velocity.into() };
-        Ok(DeviceSample { time: tick.time, pose, velocity, buttons: 0 })
+        Ok(DeviceSample { velocity, gripper: record.device_gripper, ..DeviceSample::at_rest(tick.time, pose) })
     }
 
     fn write(&mut self, _wrench: Wrench) -> Result<(), DeviceError> {

@@ -13,6 +13,7 @@ pub const BUNDLED_SCENES: &[BundledScene] = &[
     BundledScene { name: "liver", text: include_str!("../../../../examples/scenes/liver.toml") },
     BundledScene { name: "block", text: include_str!("../../../../examples/scenes/block.toml") },
     BundledScene { name: "cut", text: include_str!("../../../../examples/scenes/cut.toml") },
+    BundledScene { name: "grasp", text: include_str!("../../../../examples/scenes/grasp.toml") },
 ];
 
 /// A file that bundled scenes name, embedded in the program.

@@ -12,6 +12,7 @@ mod config;
 mod ledger;
 mod motion;
 mod port;
+mod shape;
 
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -20,7 +21,7 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use palpate_devices::place::Place;
-use palpate_haptics::exchange::{Receiver as Ring, Sender};
+use palpate_haptics::exchange::{Reader, Receiver as Ring, Sender};
 
 use crate::changes::ChangeQueue;
 use crate::engine::{Engine, workers};
@@ -36,6 +37,8 @@ pub use crate::realtime::raise_priority;
 pub use config::{HIGHEST_RATE, LOWEST_RATE, PortConfig};
 pub use ledger::Statistics;
 pub use port::{Port, PortReport, PortSample};
+pub use shape::Shape;
+pub(crate) use shape::ShapeWriter;
 
 /// What a session is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,6 +105,7 @@ pub struct Session {
     world: Arc<World>,
     shared: Arc<Shared>,
     ledger: Ledger,
+    shapes: Reader<Shape>,
     /// Taken when the threads are told to start.
     starter: Option<SyncSender<()>>,
     runner: Option<JoinHandle<Result<RunOutcome, RunError>>>,
@@ -109,7 +113,7 @@ pub struct Session {
 }
 
 /// What a set-up thread answers.
-type SetUp = Result<(TickStage, Sender<TickReport>, Option<ChangeQueue>), RunError>;
+type SetUp = Result<(TickStage, Sender<TickReport>, Option<ChangeQueue>, Reader<Shape>), RunError>;
 
 impl Session {
     /// Settles the body, factors its first matrix, opens the trace. Of `options`, `threads` and `trace` are used.
@@ -140,10 +144,10 @@ impl Session {
                 .map_err(|e| RunError::Threads(e.to_string()))?
         };
         match set_up.recv() {
-            Ok(Ok((stage, reports, changes))) => {
+            Ok(Ok((stage, reports, changes, shapes))) => {
                 let port = Port::new(stage, spec, place, reports, Arc::clone(&shared));
                 let (starter, runner, changes) = (Some(starter), Some(runner), Mutex::new(changes));
-                Ok((Self { world, shared, ledger, starter, runner, changes }, port))
+                Ok((Self { world, shared, ledger, shapes, starter, runner, changes }, port))
             }
             Ok(Err(error)) => Err(error),
             Err(_) => Err(RunError::Threads("the thread that sets the session up has failed".into())),
@@ -202,6 +206,11 @@ impl Session {
         self.ledger.statistics()
     }
 
+    /// Where the bodies are after the latest step. No thread waits for it.
+    pub fn shape(&mut self) -> &Shape {
+        self.shapes.latest()
+    }
+
     /// Ends the threads and the trace; the answer is `None` the second time.
     ///
     /// # Errors
@@ -239,7 +248,7 @@ fn live(
             let spec = crate::devices::spec(&world.description().device, None);
             let spec = spec.map_err(|e| RunError::Device(e.to_string()))?;
             let config = TickStage::config(world, &spec);
-            Engine::with_tick(world, options, &spec, world.first_pose(), |ends| {
+            Engine::with_tick(world, options, &spec, world.first_tool(), |ends| {
                 TickStage::new(world, &config, &spec, ends.snapshots, ends.poses, ends.line)
             })
         })?;
@@ -256,9 +265,10 @@ fn live(
     };
     let (stage, mut engine) = engine.split();
     let changes = engine.changes.take();
+    let shapes = engine.show();
     let (reports, ticks) = tick_reports(world);
     // Nobody waits any more where the opener has gone.
-    let _ = answer.send(Ok((stage, reports, changes)));
+    let _ = answer.send(Ok((stage, reports, changes, shapes)));
     let outcome = match (started.recv(), shared.start.get()) {
         (Ok(()), Some(&start)) => watch(engine, &pool, ticks, start, shared, &mut ledger),
         _ => {

@@ -32,6 +32,8 @@ pub struct PortSample {
     pub velocity: Option<[[f64; 3]; 2]>,
     /// Switches, one bit each.
     pub buttons: u32,
+    /// How far the gripper is open, 0 closed to 1 open; 1 for a device without.
+    pub gripper: f64,
 }
 
 impl PortSample {
@@ -145,8 +147,13 @@ impl Port {
         let velocity = sample
             .velocity
             .map_or(estimate, |[linear, angular]| Twist { linear: linear.into(), angular: angular.into() });
-        self.device.sample =
-            self.place.sample(&DeviceSample { time: seconds(host), pose, velocity, buttons: sample.buttons });
+        self.device.sample = self.place.sample(&DeviceSample {
+            time: seconds(host),
+            pose,
+            velocity,
+            buttons: sample.buttons,
+            gripper: sample.gripper,
+        });
         let begun = self.shared.start.get().map(|start| nanoseconds(begin.saturating_duration_since(*start)));
         if begun.is_some() && !self.started {
             (self.started, self.time_ns) = (true, None);

@@ -9,6 +9,7 @@
 use nalgebra::{Isometry3, Vector3};
 use palpate_collision::contact::ContactSet;
 use palpate_collision::solid_contact::{Placed, SolidContact, meet};
+use palpate_collision::tool::{Jaw, ToolPose};
 use palpate_collision::{Solid, detect_solid};
 use palpate_constraints::law::Law;
 use palpate_constraints::rows::{Counterpart, RowInput, RowReport, ToolMotion, append_rows, append_solid_rows};
@@ -107,10 +108,10 @@ fn placed<'a>(
     world: &'a World,
     rigid: &[RigidState],
     far: Far,
-    tool: &Isometry3<f64>,
+    tool: &ToolPose,
 ) -> Option<(&'a Solid, Isometry3<f64>)> {
     match far {
-        Far::Tool => Some((world.tool_solid(), *tool)),
+        Far::Tool(part) => Some((world.tool_solid(part)?, world.tool().part_pose(part, tool))),
         Far::Fixed(k) => world.bodies().fixed.get(k).map(|body| (&body.solid, body.pose)),
         Far::Rigid(k) => {
             let body = world.bodies().rigid.get(k)?;
@@ -122,7 +123,7 @@ fn placed<'a>(
 /// Contacts of all pairs at the begin of the step, on the surface that is refitted already.
 pub(super) fn detection(
     world: &World,
-    tool: &Isometry3<f64>,
+    tool: &ToolPose,
     state: &mut StepState,
     ws: &mut StepWorkspace,
     report: &mut StepReport,
@@ -157,8 +158,8 @@ pub(super) fn detection(
 /// Appends the rows of all pairs to those of the tool.
 pub(super) fn rows(
     world: &World,
-    tool: &Isometry3<f64>,
-    motion: ToolMotion,
+    tool: &ToolPose,
+    motion: &ToolMotion,
     state: &StepState,
     ws: &mut StepWorkspace,
 ) -> RowReport {
@@ -169,7 +170,10 @@ pub(super) fn rows(
     for (pair, found) in world.bodies().pairs.iter().zip(&state.pairs) {
         let from = ws.rows.blocks.len();
         let counterpart = match pair.far {
-            Far::Tool => Some(Counterpart::Tool { reference: tool.translation.vector, motion }),
+            Far::Tool(part) => {
+                let motion = motion.of(world.tool().parts().get(part).and_then(|part| part.jaw));
+                Some(Counterpart::Tool { reference: tool.frame.translation.vector, motion })
+            }
             Far::Fixed(_) => Some(Counterpart::Fixed),
             Far::Rigid(k) => ws.rigid.side(k, &state.rigid).map(Counterpart::Rigid),
         };
@@ -191,7 +195,7 @@ pub(super) fn rows(
         });
         let to = ws.rows.blocks.len();
         ws.rigid.blocks.push(from..to);
-        if pair.far == Far::Tool {
+        if matches!(pair.far, Far::Tool(_)) {
             ws.rigid.tool_blocks = to;
         }
     }
@@ -217,6 +221,13 @@ pub(super) fn tool_block(world: &World, state: &StepState, ws: &StepWorkspace, b
     let contact = ws.rows.blocks.get(block)?.contact as usize;
     let PairContacts::Solids(contacts) = &state.pairs.get(pair)?.contacts else { return None };
     Some((world.bodies().pairs.get(pair)?.law, identity(contacts.get(contact)?.feature, pair)))
+}
+
+/// The jaw of the tool that a block on a rigid body is of.
+pub(super) fn tool_jaw(world: &World, ws: &StepWorkspace, block: usize) -> Option<Jaw> {
+    let pair = ws.rigid.blocks.iter().position(|blocks| blocks.contains(&block))?;
+    let Far::Tool(part) = world.bodies().pairs.get(pair)?.far else { return None };
+    world.tool().parts().get(part)?.jaw
 }
 
 /// First guesses of the forces of all pairs; a contact may have slid by `radius` (m).

@@ -1,11 +1,13 @@
 //! What the step hands to the tick.
 
-use nalgebra::Isometry3;
+use nalgebra::Vector3;
+use palpate_collision::ToolPose;
+use palpate_collision::tool::jaw_of;
 use palpate_constraints::law::Law;
 use palpate_constraints::rows::{ContactRows, RowBlock};
 use palpate_haptics::snapshot::{HapticSnapshot, SnapshotContact};
 
-use super::bodies::tool_block;
+use super::bodies::{tool_block, tool_jaw};
 use super::stages::is_of_another_body;
 use super::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, patch};
 use crate::world::World;
@@ -15,7 +17,7 @@ use crate::world::World;
 pub(super) fn hand_over(
     world: &World,
     input: &StepInput<'_>,
-    before: Option<&Isometry3<f64>>,
+    before: Option<&ToolPose>,
     state: &StepState,
     ws: &mut StepWorkspace,
     report: &mut StepReport,
@@ -26,7 +28,7 @@ pub(super) fn hand_over(
     snapshot.step = report.step + 1;
     snapshot.time = input.time + world.dt();
     snapshot.dt = ws.dt;
-    snapshot.tool_pose = input.tool;
+    (snapshot.tool_pose, snapshot.opening) = (input.tool.frame, input.tool.opening);
     snapshot.factor_epoch = input.factor.epoch;
     snapshot.factor_age = report.factor_age;
     let sound = report.status == StepStatus::Advanced && report.compliance.usable;
@@ -35,6 +37,7 @@ pub(super) fn hand_over(
     }
     ws.obstacles.find(world, input, before, report);
     snapshot.valid = push_rows(world, state, ws, snapshot);
+    gripper_rows(world, &input.tool, ws, snapshot);
     if snapshot.valid && snapshot.patch.max_nodes() > 0 && !is_of_another_body(ws, report) {
         patch::fill(world, input, before, state, ws, report, &mut snapshot.patch);
     }
@@ -71,6 +74,25 @@ fn push_rows(world: &World, state: &StepState, ws: &StepWorkspace, snapshot: &mu
         }
     }
     true
+}
+
+/// What each row does to the opening of the jaws: by the jaw of its contact, the torque of the tool's part of the row.
+fn gripper_rows(world: &World, tool: &ToolPose, ws: &StepWorkspace, snapshot: &mut HapticSnapshot) {
+    let Some(hinge) = world.tool().hinge() else { return };
+    let reference = tool.frame.translation.vector;
+    for k in 0..snapshot.contacts() {
+        let (block, feature) = (snapshot.blocks()[k], snapshot.features()[k]);
+        let on_rigid = (ws.rigid.skin_blocks..ws.rigid.tool_blocks).contains(&k);
+        let jaw = if on_rigid { tool_jaw(world, ws, k) } else { jaw_of(feature) };
+        for row in block.start..block.start + block.law.rows() {
+            let Some([fx, fy, fz, tx, ty, tz]) = snapshot.tool_rows().get(row).copied() else { continue };
+            let (force, torque) = (Vector3::new(fx, fy, fz), Vector3::new(tx, ty, tz));
+            let rate = hinge.torque(tool, jaw, &reference, &force, &torque);
+            if let Some(to) = snapshot.gripper_rows_mut().get_mut(row) {
+                *to = rate;
+            }
+        }
+    }
 }
 
 /// Pushes the contact of block `k`, whose law and identity `identity` knows, with zero force where `lambda` has none; false

@@ -51,7 +51,8 @@ mod workspace;
 
 use std::time::Instant;
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
+use palpate_collision::ToolPose;
 use palpate_fem::assembly::assemble;
 use palpate_haptics::snapshot::HapticSnapshot;
 
@@ -79,8 +80,8 @@ pub use workspace::StepWorkspace;
 pub struct StepInput<'a> {
     /// Time at the begin of the step (s).
     pub time: f64,
-    /// Pose of the tool.
-    pub tool: Isometry3<f64>,
+    /// Pose of the tool, and the opening of its jaws.
+    pub tool: ToolPose,
     /// The latest factor.
     pub factor: &'a FactorSample,
 }
@@ -182,7 +183,7 @@ fn explicit(
     for k in 1..=substeps {
         free_motion::explicit_motion(world, state, ws, report);
         report.times.free_motion += clock.lap();
-        let tool = if k == substeps { input.tool } else { between(&from, &input.tool, f64::from(k) * share) };
+        let tool = if k == substeps { input.tool } else { from.towards(&input.tool, f64::from(k) * share) };
         (report.active, report.indentation) = (0, 0.0);
         contact(world, &StepInput { tool, ..*input }, state, ws, report, clock);
         state.tool = Some(tool);
@@ -195,12 +196,6 @@ fn explicit(
     }
     (report.force, report.torque) = (force, torque);
     (report.solve.residual, report.solve.iterations) = (residual, sweeps);
-}
-
-/// The pose at the share `t` of the way from `a` to `b`; `a`'s rotation where the two are opposite.
-fn between(a: &Isometry3<f64>, b: &Isometry3<f64>, t: f64) -> Isometry3<f64> {
-    let rotation = a.rotation.try_slerp(&b.rotation, t, 1e-9).unwrap_or(a.rotation);
-    Isometry3::from_parts(a.translation.vector.lerp(&b.translation.vector, t).into(), rotation)
 }
 
 /// Laps of the stages.

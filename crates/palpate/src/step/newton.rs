@@ -10,7 +10,7 @@
 //! until the forces stay. The last correction is then small to second order, and motion and forces satisfy the
 //! nonlinear balance `M (v⁺ - v)/h = f_int(q⁺) + f_ext + Hᵀ λ` to the tolerance. `H` is that of the begin of the step.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
 use palpate_constraints::rows::Twist;
 use palpate_fem::integrator::backward_euler::newton_step;
 use palpate_fem::integrator::newton::{NewtonConfig, NewtonStatus};
@@ -36,7 +36,7 @@ pub(super) fn newton_with_contact(
     report: &mut StepReport,
     clock: &mut Clock,
 ) {
-    let tool: &Isometry3<f64> = &input.tool;
+    let tool = &input.tool;
     stages::detection(world, tool, state, ws, report);
     rigid::rigid_motion(world, state, ws);
     report.times.detection = clock.lap();
@@ -142,6 +142,8 @@ fn carry(world: &World, ws: &mut StepWorkspace) {
 mod tests {
     use std::path::Path;
 
+    use nalgebra::Isometry3;
+
     use super::*;
     use crate::scene::Scene;
     use crate::simulation::Simulation;
@@ -210,7 +212,7 @@ path = [{ time = 0, position = [0.02, 0.02, 0.05] }]
         let report = simulation.step(&pose(0.002));
         let mut ws = StepWorkspace::new(world);
         let mut report = StepReport { force: Vector3::zeros(), ..report };
-        let tool = pose(0.0021);
+        let tool = pose(0.0021).into();
         stages::detection(world, &tool, simulation.state_mut(), &mut ws, &mut report);
         motion(world, config, simulation.state(), &mut ws, &mut report);
         let free = ws.v_free.clone();

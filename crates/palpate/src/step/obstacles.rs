@@ -6,7 +6,8 @@
 //! The rows are those of the tool's pose at the end of the step, and frozen until the next. So they are made for all that
 //! the tool may reach until two more steps have passed, as a patch is: a wall that is met between two steps stops it.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
+use palpate_collision::ToolPose;
 use palpate_collision::detection::DetectionConfig;
 use palpate_collision::solid_contact::{Placed, SolidContact, meet};
 use palpate_constraints::law::Law;
@@ -15,7 +16,7 @@ use palpate_constraints::rows::{ContactRows, Counterpart, RigidSide, ToolMotion,
 use super::bodies::identity;
 use super::patch::travel;
 use super::{StepInput, StepReport};
-use crate::world::{Near, World};
+use crate::world::{Far, Near, World};
 
 /// Rows of the tool at fixed bodies, and memory for them.
 pub(super) struct ObstacleStage {
@@ -48,27 +49,30 @@ impl ObstacleStage {
         &mut self,
         world: &World,
         input: &StepInput<'_>,
-        before: Option<&Isometry3<f64>>,
+        before: Option<&ToolPose>,
         report: &mut StepReport,
     ) {
         self.rows.clear();
         self.blocks.clear();
         let bodies = world.bodies();
-        let tool = Placed { solid: world.tool_solid(), pose: &input.tool };
-        let motion = before.map_or_else(ToolMotion::none, |before| ToolMotion::between(before, &input.tool));
-        let counterpart = Counterpart::Tool { reference: input.tool.translation.vector, motion };
+        let motion = before
+            .map_or_else(ToolMotion::none, |before| ToolMotion::of_tool(world.tool(), before, &input.tool));
         // It neither moves nor yields, and of its side of a row nothing reaches the tick.
         let still = RigidSide { body: 0, centre: Vector3::zeros(), free: Twist::default() };
         let reach = travel(world.tool(), before, &input.tool);
         for (k, pair) in bodies.obstacles.iter().enumerate() {
-            let Near::Fixed(number) = pair.near else { continue };
-            let Some(body) = bodies.fixed.get(number) else { continue };
+            let (Near::Fixed(number), Far::Tool(part)) = (pair.near, pair.far) else { continue };
+            let (Some(body), Some(solid)) = (bodies.fixed.get(number), world.tool_solid(part)) else { continue };
+            let place = world.tool().part_pose(part, &input.tool);
+            let jaw = world.tool().parts().get(part).and_then(|part| part.jaw);
+            let counterpart =
+                Counterpart::Tool { reference: input.tool.frame.translation.vector, motion: motion.of(jaw) };
             let config = DetectionConfig {
                 margin: pair.detection.margin + reach,
                 max_contacts: pair.detection.max_contacts.min(self.room),
                 ..pair.detection
             };
-            let seen = meet(Placed { solid: &body.solid, pose: &body.pose }, tool, &config, &mut self.contacts);
+            let seen = meet(Placed { solid: &body.solid, pose: &body.pose }, Placed { solid, pose: &place }, &config, &mut self.contacts);
             let friction = pair.law.rows() > 1;
             let made = append_solid_rows(&self.contacts, &still, &counterpart, world.dt(), friction, &mut self.rows);
             report.bodies.dropped += (seen.dropped + made.dropped) as u32;

@@ -7,9 +7,9 @@
 //!
 //! A patch has skin alone. While the tool is at a rigid or fixed body too, the tick has the step's rows, which know both.
 
-use nalgebra::{DMatrixViewMut, Isometry3, Vector3};
-use palpate_collision::shape::ToolShape;
-use palpate_collision::{PatchConfig, PatchGathering};
+use nalgebra::{DMatrixViewMut, Vector3};
+use palpate_collision::tool::Tool;
+use palpate_collision::{PatchConfig, PatchGathering, ToolPose};
 use palpate_constraints::condensed::condense;
 use palpate_constraints::rows::{ContactRows, ToolRow};
 use palpate_fem::sparse::FIXED;
@@ -48,11 +48,8 @@ impl PatchStage {
 }
 
 /// How far (m) a tool that has come from `before` in a step may get until a snapshot is replaced.
-pub(super) fn travel(tool: &ToolShape, before: Option<&Isometry3<f64>>, pose: &Isometry3<f64>) -> f64 {
-    let (centre, radius) = tool.bounding_sphere(pose);
-    let path = before.map_or(0.0, |before| {
-        (centre - tool.bounding_sphere(before).0).norm() + radius * pose.rotation.angle_to(&before.rotation)
-    });
+pub(super) fn travel(tool: &Tool, before: Option<&ToolPose>, pose: &ToolPose) -> f64 {
+    let path = before.map_or(0.0, |before| tool.path(before, pose));
     START + STEPS * path
 }
 
@@ -60,7 +57,7 @@ pub(super) fn travel(tool: &ToolShape, before: Option<&Isometry3<f64>>, pose: &I
 pub(super) fn fill(
     world: &World,
     input: &StepInput<'_>,
-    before: Option<&Isometry3<f64>>,
+    before: Option<&ToolPose>,
     state: &StepState,
     ws: &mut StepWorkspace,
     report: &mut StepReport,
@@ -86,7 +83,7 @@ pub(super) fn fill(
 fn gather(
     world: &World,
     input: &StepInput<'_>,
-    before: Option<&Isometry3<f64>>,
+    before: Option<&ToolPose>,
     state: &StepState,
     ws: &StepWorkspace,
     stage: &mut PatchStage,
@@ -98,7 +95,9 @@ fn gather(
     let free = world.model().free_of_node();
     let movable = |node: u32| free.get(node as usize).is_some_and(|&free| free != FIXED);
     let skin = patch.skin_mut();
-    stage.gathering.gather(&ws.geometry, &state.fem.q, (tool, pose), &config, movable, skin)
+    let report = stage.gathering.gather_tool(&ws.geometry, &state.fem.q, (tool, pose), &config, movable, skin);
+    skin.set_other_sides(&state.contacts.other_sides);
+    report
 }
 
 /// C of the patch; false where there is none.
@@ -218,7 +217,7 @@ mod tests {
         let factor = FactorSample::first(&world, &world.model().rest_state(), &mut ws).unwrap();
         let mut state = StepState::new(&world, world.model().rest_state());
         let mut snapshot = world.empty_snapshot();
-        let input = StepInput { time: 0.0, tool: Isometry3::translation(0.02, 0.02, 0.051), factor: &factor };
+        let input = StepInput { time: 0.0, tool: Isometry3::translation(0.02, 0.02, 0.051).into(), factor: &factor };
         let mut report = step(&world, &input, &mut state, &mut ws, &mut snapshot);
         let patch = &snapshot.patch;
         assert!(patch.valid && patch.len() == report.patch.nodes && report.active > 0);

@@ -34,13 +34,14 @@ pub(super) fn penalty(world: &World, input: &StepInput<'_>, state: &StepState, w
         return NOT_SOLVED;
     };
     // Gaps of the step's begin are measured with the tool at its end: its way along the normal is taken back.
-    let tool = state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::between(&before, &input.tool));
+    let tool =
+        state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::of_tool(world.tool(), &before, &input.tool));
     let config = description.contact.penalty.unwrap_or_default();
     stage.ws.contacts.clear();
     for block in &ws.rows.blocks {
         let Some(contact) = state.contacts.contacts.get(block.contact as usize) else { return NOT_SOLVED };
-        let lever = contact.tissue_point - input.tool.translation.vector;
-        let before = contact.gap + contact.normal.dot(&tool.displacement(&lever));
+        let lever = contact.tissue_point - input.tool.frame.translation.vector;
+        let before = contact.gap + contact.normal.dot(&tool.displacement_at(contact.feature, &lever));
         stage.ws.contacts.push(PenaltyContact::new(
             &config,
             description.contact.friction,

@@ -1,7 +1,8 @@
 //! What one step did.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
 use palpate_collision::PatchReport;
+use palpate_collision::ToolPose;
 use palpate_collision::detection::DetectionReport;
 use palpate_constraints::compliance::{ComplianceMethod, ComplianceReport};
 use palpate_constraints::rows::RowReport;
@@ -51,8 +52,8 @@ pub struct StepReport {
     pub failed: Option<FailedElement>,
     /// What events did to the body.
     pub change: ChangeReport,
-    /// Pose of the tool that it used.
-    pub tool: Isometry3<f64>,
+    /// Pose of the tool that it used, and the opening of its jaws.
+    pub tool: ToolPose,
     /// Assembly of forces and matrix; the worst of the forces of all explicit substeps.
     pub assembly: AssemblyReport,
     /// Linear solves of the free motion: conjugate gradients, or Newton's iterations with the residual that they leave.
@@ -211,8 +212,8 @@ impl StepReport {
 
     /// The report as one row of a table.
     pub fn row(&self) -> [f64; 38] {
-        let p = self.tool.translation.vector;
-        let r = self.tool.rotation;
+        let p = self.tool.frame.translation.vector;
+        let r = self.tool.frame.rotation;
         [
             self.step as f64,
             self.time,

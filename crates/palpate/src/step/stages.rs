@@ -1,7 +1,8 @@
 //! Detection, rows and compliance, each a few lines between the description, the state and the workspace.
 
-use nalgebra::{DMatrixViewMut, Isometry3, Matrix3};
-use palpate_collision::detection::detect;
+use nalgebra::{DMatrixViewMut, Matrix3};
+use palpate_collision::detection::detect_tool;
+use palpate_collision::tool::ToolPose;
 use palpate_constraints::body::{self, RigidBodies, SoftBody};
 use palpate_constraints::compliance::{ComplianceMethod, ComplianceReport, WarpedInverse};
 use palpate_constraints::precomputed::PrecomputedInverse;
@@ -21,13 +22,13 @@ use crate::world::{Integration, Rung, World};
 /// Contacts of the skin with the tool and of all other pairs of bodies, at the begin of the step.
 pub(super) fn detection(
     world: &World,
-    tool: &Isometry3<f64>,
+    tool: &ToolPose,
     state: &mut StepState,
     ws: &mut StepWorkspace,
     report: &mut StepReport,
 ) {
     ws.geometry.refit(&state.fem.q);
-    report.detection = detect(
+    report.detection = detect_tool(
         &ws.geometry,
         &state.fem.q,
         world.tool(),
@@ -40,25 +41,19 @@ pub(super) fn detection(
 }
 
 /// Rows `H` and `delta_free`, and the law of each contact.
-pub(super) fn rows(
-    world: &World,
-    tool: &Isometry3<f64>,
-    state: &StepState,
-    ws: &mut StepWorkspace,
-    report: &mut StepReport,
-) {
+pub(super) fn rows(world: &World, tool: &ToolPose, state: &StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
     let law = world.description().contact.contact_law();
-    let motion = state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::between(&before, tool));
+    let motion = state.tool.map_or_else(ToolMotion::none, |before| ToolMotion::of_tool(world.tool(), &before, tool));
     let input = RowInput {
         free_of_node: world.model().free_of_node(),
         v_free: &ws.v_free,
         dt: ws.dt,
-        counterpart: Counterpart::Tool { reference: tool.translation.vector, motion },
+        counterpart: Counterpart::Tool { reference: tool.frame.translation.vector, motion },
         friction: law.rows() > 1,
     };
     report.rows = build_rows(&state.contacts.contacts, &input, &mut ws.rows);
     build_fixed_rows(&state.contacts.contacts, &input, &mut ws.fixed_rows);
-    report.rows = report.rows.and(bodies::rows(world, tool, motion, state, ws));
+    report.rows = report.rows.and(bodies::rows(world, tool, &motion, state, ws));
     // As many rows as the capacity was made for: the reset cannot fail, and an empty problem is a safe one if it did.
     if ws.problem.reset(ws.rows.len()).is_err() {
         ws.rows.clear();

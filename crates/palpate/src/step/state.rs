@@ -1,6 +1,7 @@
 //! State of the step: what is the simulation.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
+use palpate_collision::ToolPose;
 use palpate_collision::contact::ContactSet;
 use palpate_constraints::warm_start::WarmStart;
 use palpate_fem::model::FemState;
@@ -20,7 +21,7 @@ pub struct StepState {
     /// Positions and velocities of all nodes.
     pub fem: FemState,
     /// Pose of the tool in the last step.
-    pub tool: Option<Isometry3<f64>>,
+    pub tool: Option<ToolPose>,
     /// Forces of the last step by surface feature.
     pub warm_start: WarmStart,
     /// Where the run stands on its ladder of methods, where it has one.

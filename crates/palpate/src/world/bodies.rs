@@ -102,8 +102,9 @@ impl Bodies {
                 contact: of_body(body.friction, body.max_contacts),
             });
         }
-        bodies.pairs = pairs(&bodies, contact, detection);
-        bodies.obstacles = obstacles(&bodies, contact, detection);
+        let parts = description.tools[0].shape.parts().len();
+        bodies.pairs = pairs(&bodies, parts, contact, detection);
+        bodies.obstacles = obstacles(&bodies, parts, contact, detection);
         Ok(bodies)
     }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::contact::ContactSet;
-use palpate_collision::detection::{DetectionConfig, DetectionWorkspace, detect};
+use palpate_collision::detection::{DetectionConfig, DetectionWorkspace, detect_tool};
 use palpate_fem::factor::SymbolicFactor;
 use palpate_fem::mesh::TetMesh;
 use palpate_fem::model::{FemConfig, FemError, FemModel};
@@ -119,7 +119,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     let bodies = Bodies::new(scene, &detection)?;
     let world = World {
         start: Arc::default(),
-        tool: description.tools[0].shape.clone().into(),
+        tool: description.tools[0].shape.parts().iter().map(|part| part.shape.clone().into()).collect(),
         bodies,
         scene: scene.clone(),
         mesh,
@@ -189,10 +189,10 @@ fn tool_outside(world: &World, skin: &SurfaceGeometry) -> Result<(), SceneError>
     }
     let mut ws = DetectionWorkspace::new(skin);
     let mut contacts = ContactSet::with_capacity(world.detection.max_contacts);
-    let pose = world.first_pose();
-    let report = detect(skin, &world.start().q, world.tool(), &pose, &world.detection, &mut ws, &mut contacts);
+    let pose = world.first_tool();
+    let report = detect_tool(skin, &world.start().q, world.tool(), &pose, &world.detection, &mut ws, &mut contacts);
     if report.tool_inside {
-        let p = pose.translation.vector;
+        let p = pose.frame.translation.vector;
         let message = format!("the tool begins inside the body, at {:.4}, {:.4}, {:.4} m", p.x, p.y, p.z);
         let remedy = match world.settled() {
             Some(_) => {

@@ -1,6 +1,5 @@
 //! What a scene means for the 1 kHz side: what the tick solves, and whether its coupling is one that theory grants.
 
-use nalgebra::Isometry3;
 use palpate_haptics::coupling::{BoundGrounds, CouplingConfig, LIGHT_GRIP, MARGIN, StiffnessBound, stiffness_bound};
 
 use super::World;
@@ -114,13 +113,5 @@ impl World {
             of(l.max_power, "W"),
             l.force_slew,
         )
-    }
-
-    /// The pose of the tool before the device has told one: where the hand's path begins, or without one the device's
-    /// origin.
-    pub fn first_pose(&self) -> Isometry3<f64> {
-        let description = self.description();
-        let [x, y, z] = description.hand.path.first().map_or(description.device.origin, |key| key.position);
-        Isometry3::translation(x, y, z)
     }
 }

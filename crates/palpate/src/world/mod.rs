@@ -16,13 +16,15 @@ mod plan;
 mod precomputed;
 mod selection;
 mod text;
+mod tool;
 
 use std::sync::{Arc, OnceLock};
 
+use nalgebra::Isometry3;
 use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::detection::DetectionConfig;
-use palpate_collision::shape::ToolShape;
 use palpate_collision::solid::Solid;
+use palpate_collision::tool::{Tool, ToolPose};
 use palpate_fem::factor::SymbolicFactor;
 use palpate_fem::integrator::equilibrium::EquilibriumReport;
 use palpate_fem::mesh::{MeshQuality, TetMesh};
@@ -63,7 +65,8 @@ pub struct World {
     symbolic: Arc<SymbolicFactor>,
     geometry: SurfaceGeometry,
     detection: DetectionConfig,
-    tool: Solid,
+    /// The parts of the tool as other bodies meet them.
+    tool: Vec<Solid>,
     bodies: Bodies,
     integration: Integration,
     plan: Plan,
@@ -119,13 +122,13 @@ impl World {
     }
 
     /// The shape of the tool.
-    pub fn tool(&self) -> &ToolShape {
+    pub fn tool(&self) -> &Tool {
         &self.description().tools[0].shape
     }
 
-    /// The same, as other bodies meet it.
-    pub fn tool_solid(&self) -> &Solid {
-        &self.tool
+    /// A part of it as other bodies meet it.
+    pub fn tool_solid(&self, part: usize) -> Option<&Solid> {
+        self.tool.get(part)
     }
 
     /// Fixed and rigid bodies, and the pairs of bodies that can touch.
@@ -213,5 +216,16 @@ impl World {
     /// What is odd but no mistake.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    /// The pose of the tool before the device has told one: where the hand's path begins, or without one the device's
+    /// origin.
+    pub fn first_pose(&self) -> Isometry3<f64> {
+        self.first_tool().frame
+    }
+
+    /// The same with the opening of its jaws.
+    pub fn first_tool(&self) -> ToolPose {
+        tool::first(self.description())
     }
 }

@@ -25,8 +25,8 @@ pub enum Near {
 /// The body that they point away from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Far {
-    /// The tool.
-    Tool,
+    /// A part of the tool, by number.
+    Tool(usize),
     /// A fixed body, by number.
     Fixed(usize),
     /// A rigid body, by number.
@@ -62,13 +62,20 @@ fn both(a: &ContactDescription, b: &ContactDescription) -> ContactDescription {
     }
 }
 
-/// All pairs whose forces the step finds, in a stated order: each rigid body with the tool, the soft body with each fixed
+/// All pairs whose forces the step finds, in a stated order: each rigid body with the parts of the tool, the soft body with each fixed
 /// and each rigid one, then each rigid body with the fixed ones and with the rigid ones after it.
-pub(super) fn pairs(bodies: &Bodies, of_tool: &ContactDescription, detection: &DetectionConfig) -> Vec<Pair> {
+pub(super) fn pairs(
+    bodies: &Bodies,
+    tool_parts: usize,
+    of_tool: &ContactDescription,
+    detection: &DetectionConfig,
+) -> Vec<Pair> {
     let pair = |near, far, contact: &ContactDescription| Pair::new(near, far, contact, detection);
     let mut pairs = Vec::new();
     for (k, body) in bodies.rigid.iter().enumerate() {
-        pairs.push(pair(Near::Rigid(k), Far::Tool, &both(&body.contact, of_tool)));
+        for part in 0..tool_parts {
+            pairs.push(pair(Near::Rigid(k), Far::Tool(part), &both(&body.contact, of_tool)));
+        }
     }
     for (k, body) in bodies.fixed.iter().enumerate() {
         pairs.push(pair(Near::Soft, Far::Fixed(k), &body.contact));
@@ -87,10 +94,16 @@ pub(super) fn pairs(bodies: &Bodies, of_tool: &ContactDescription, detection: &D
     pairs
 }
 
-/// Each fixed body with the tool.
-pub(super) fn obstacles(bodies: &Bodies, of_tool: &ContactDescription, detection: &DetectionConfig) -> Vec<Pair> {
-    let fixed = bodies.fixed.iter().enumerate();
-    fixed.map(|(k, body)| Pair::new(Near::Fixed(k), Far::Tool, &both(&body.contact, of_tool), detection)).collect()
+/// Each fixed body with the parts of the tool.
+pub(super) fn obstacles(
+    bodies: &Bodies,
+    tool_parts: usize,
+    of_tool: &ContactDescription,
+    detection: &DetectionConfig,
+) -> Vec<Pair> {
+    let with = |(k, contact), part| Pair::new(Near::Fixed(k), Far::Tool(part), &both(contact, of_tool), detection);
+    let fixed = bodies.fixed.iter().enumerate().map(|(k, body)| (k, &body.contact));
+    fixed.flat_map(|body| (0..tool_parts).map(move |part| with(body, part))).collect()
 }
 
 /// Refuses bodies that begin inside one another by more than the margin: the first step would throw them apart. `skin` is
@@ -98,14 +111,16 @@ pub(super) fn obstacles(bodies: &Bodies, of_tool: &ContactDescription, detection
 pub(super) fn apart(world: &World, skin: &SurfaceGeometry) -> Result<(), SceneError> {
     let bodies = world.bodies();
     let mut ws = DetectionWorkspace::new(skin);
-    let tool = world.first_pose();
+    let tool = world.first_tool();
     let of_rigid = |k: usize| bodies.rigid.get(k).map(|b| (b.name.as_str(), &b.solid, b.shape_pose(&b.start)));
     let of_fixed = |k: usize| bodies.fixed.get(k).map(|b| (b.name.as_str(), &b.solid, b.pose));
     let led = !world.description().hand.path.is_empty();
-    for pair in bodies.pairs.iter().chain(&bodies.obstacles).filter(|pair| led || pair.far != Far::Tool) {
+    for pair in bodies.pairs.iter().chain(&bodies.obstacles).filter(|pair| led || !matches!(pair.far, Far::Tool(_))) {
         let (far, key) = match pair.far {
-            Far::Tool => {
-                (Some((world.description().tools[0].name.as_str(), world.tool_solid(), tool)), "hand.path.0".into())
+            Far::Tool(part) => {
+                let name = world.description().tools[0].name.as_str();
+                let place = world.tool().part_pose(part, &tool);
+                (world.tool_solid(part).map(|solid| (name, solid, place)), "hand.path.0".into())
             }
             Far::Fixed(k) => (of_fixed(k), format!("fixed_body.{k}")),
             Far::Rigid(k) => (of_rigid(k), format!("rigid_body.{k}")),

@@ -106,5 +106,7 @@ record! {
         35 => rung: i32, "";
         /// The greater of the two relative errors that the rung below would have had; NaN where it was not measured.
         36 => lower_error: f64, "";
+        /// Angle between the tool's jaws that the step used (rad); 0 for a tool without.
+        40 => tool_opening: f64, "rad";
     }
 }

@@ -98,5 +98,15 @@ record! {
         /// Account of the energy that went through the device's port in the contact that lasts (J); positive: the hand
         /// has put it in.
         22 => energy: f64, "J";
+        /// How far the device's gripper is open: 0 closed, 1 open.
+        40 => device_gripper: f64, "";
+        /// Angle between the tool's jaws behind the coupling (rad); 0 for a tool without.
+        41 => tool_opening: f64, "rad";
+        /// Torque on the opening sent to the device, after all limits; positive opens (N m).
+        42 => gripper_torque: f64, "N m";
+        /// The same before limits and fading (N m).
+        43 => gripper_torque_unlimited: f64, "N m";
+        /// Torque before limits and fading, about the tool's origin (N m).
+        44 => torque_unlimited: [f64; 3], "N m";
     }
 }

@@ -57,6 +57,11 @@ pub(crate) fn tick(tick: u64) -> TickRecord {
         work_ns: 0,
         force_jump: if tick.is_multiple_of(TICKS_PER_STEP) { 0.02 } else { 0.0 },
         energy: 1e-3 * depth.max(0.0),
+        device_gripper: 1.0 - 0.1 * time,
+        tool_opening: 0.5 - 0.05 * time,
+        gripper_torque: 0.01 * depth,
+        gripper_torque_unlimited: 0.011 * depth,
+        torque_unlimited: [0.0, -2e-3 * depth, 0.0],
     }
 }
 

@@ -68,7 +68,7 @@ pub(crate) fn organ(cell: f64, ratio: f64) -> Result<World> {
                 }
             }
             match ToolShape::sphere(BALL) {
-                Ok(ball) => description.tools[0].shape = ball,
+                Ok(ball) => description.tools[0].shape = ball.into(),
                 Err(e) => trouble = Some(miette!("{e}")),
             }
             description.hand.path.iter_mut().for_each(|key| key.position[1] -= BALL);

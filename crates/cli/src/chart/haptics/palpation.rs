@@ -2,7 +2,7 @@
 //! with any device, coupling and rate of the tick.
 
 use miette::{Result, miette};
-use nalgebra::Isometry3;
+use palpate::collision::ToolPose;
 use palpate::haptics::device::HapticDevice;
 use palpate::haptics::exchange::{Reader, Writer, latest};
 use palpate::haptics::snapshot::HapticSnapshot;
@@ -68,7 +68,7 @@ pub(crate) struct Palpation<'w> {
     simulation: Simulation<'w>,
     ticker: Ticker,
     snapshots: Writer<HapticSnapshot>,
-    poses: Reader<Isometry3<f64>>,
+    poses: Reader<ToolPose>,
     rate: f64,
     ticks: u64,
     steps: u64,
@@ -87,7 +87,7 @@ impl<'w> Palpation<'w> {
     ) -> Result<Self> {
         let rates = world.description().rates;
         let (snapshots, taken) = latest(&world.empty_snapshot());
-        let (told, poses) = latest(&world.first_pose());
+        let (told, poses) = latest(&world.first_tool());
         let ticker = Ticker::on_device(world, device, change, taken, told).map_err(|e| miette!("{e}"))?;
         let every = (rates.step / rates.factor).round().max(1.0) as u64;
         let simulation = Simulation::new(world).map_err(|e| miette!("{e}"))?.refresh_every(every);

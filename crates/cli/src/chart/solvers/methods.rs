@@ -3,6 +3,7 @@
 
 use miette::{Result, miette};
 use nalgebra::{Isometry3, Vector3};
+use palpate::collision::ToolPose;
 use palpate::collision::contact::ContactSet;
 use palpate::constraints::compliance::ComplianceMethod;
 use palpate::constraints::penalty::PenaltyConfig;
@@ -81,7 +82,7 @@ pub(crate) struct Answer {
 /// What a step begins with.
 struct Begin {
     fem: FemState,
-    tool: Option<Isometry3<f64>>,
+    tool: Option<ToolPose>,
     contacts: ContactSet,
     warm_start: WarmStart,
 }

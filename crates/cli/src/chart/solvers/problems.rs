@@ -69,7 +69,7 @@ pub(crate) fn tissue(settings: &Settings, work: &Work) -> Result<Vec<Named>> {
 
 fn press_by_ball(scene: &mut SceneDescription, kind: ContactKind, sizes: &[usize]) {
     if let Ok(ball) = ToolShape::sphere(BALL) {
-        scene.tools[0].shape = ball;
+        scene.tools[0].shape = ball.into();
     }
     (scene.contact.at, scene.contact.friction) = (kind, FRICTION);
     scene.contact.max_contacts = sizes.iter().copied().max().unwrap_or(1);

@@ -9,7 +9,8 @@
 //! q_free *and* in C, and what the new snapshot knows better comes in over a stated time. A node that is new to the patch
 //! starts at its place, without force; in a patch that nothing is remembered of, with the force that the step found.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
+use palpate_collision::ToolPose;
 
 use super::PatchWorkspace;
 use super::rows::{Row, Rows};
@@ -61,7 +62,7 @@ pub(in crate::tick) struct PatchMemory {
     contacts: Vec<Known>,
     max_contacts: usize,
     /// The tool at the end of the tick before.
-    tool: Option<Isometry3<f64>>,
+    tool: Option<ToolPose>,
     /// Time since the snapshot in use was taken over \[s\].
     since: f64,
 }
@@ -150,7 +151,7 @@ impl PatchMemory {
     }
 
     /// Where the tool was at the end of the tick before.
-    pub(super) fn tool(&self) -> Option<&Isometry3<f64>> {
+    pub(super) fn tool(&self) -> Option<&ToolPose> {
         self.tool.as_ref()
     }
 
@@ -175,13 +176,7 @@ impl PatchMemory {
     }
 
     /// Remembers what a tick found, and where the tool is at its end.
-    pub(in crate::tick) fn keep(
-        &mut self,
-        patch: &HapticPatch,
-        hand_over: f64,
-        tool: &Isometry3<f64>,
-        ws: &PatchWorkspace,
-    ) {
+    pub(in crate::tick) fn keep(&mut self, patch: &HapticPatch, hand_over: f64, tool: &ToolPose, ws: &PatchWorkspace) {
         let fade = self.fade(hand_over);
         let found = ws.force.iter().zip(&ws.moved);
         for (((node, kept), q_free), (force, moved)) in

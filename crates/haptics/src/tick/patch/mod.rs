@@ -19,13 +19,14 @@
 //! The steps' impulse and the tick's are not the same: the step solves its own contact with the tool where the tick left
 //! it, at its own begin. Both are measured ([`crate::record::TickRecord::contact_wrench`], the step's report).
 
+mod jaws;
 mod memory;
 mod rows;
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
 use palpate_collision::PatchDetection;
 use palpate_collision::detection::DetectionConfig;
-use palpate_collision::shape::ToolShape;
+use palpate_collision::{Tool, ToolPose};
 use palpate_solver::gauss_seidel::{self, GaussSeidelConfig};
 use palpate_solver::problem::ProblemView;
 
@@ -33,8 +34,10 @@ use super::local::{Local, TickWorkspace};
 use crate::SetupError;
 use crate::coupling::Coupling;
 use crate::error::non_negative;
+use crate::gripper::Gripper;
 use crate::patch::HapticPatch;
 
+use jaws::Jaws;
 pub(super) use memory::PatchMemory;
 use rows::Rows;
 
@@ -46,7 +49,7 @@ const NEAR: f64 = 2e-3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct PatchTickConfig {
     /// Shape of the tool.
-    pub tool: ToolShape,
+    pub tool: Tool,
     /// How the step finds contacts; kind, reach, merging and capacity are the tick's too.
     pub detection: DetectionConfig,
     /// Nodes that a patch may have.
@@ -91,7 +94,7 @@ impl PatchWorkspace {
         let margin = config.detection.margin.min(NEAR);
         let zeros = || vec![Vector3::zeros(); nodes];
         Self {
-            detection: PatchDetection::new(nodes, contacts, &config.tool),
+            detection: PatchDetection::for_tool(nodes, contacts, &config.tool),
             config: DetectionConfig { margin, ..config.detection },
             rows: Rows::new(contacts),
             shape: zeros(),
@@ -106,6 +109,7 @@ impl PatchWorkspace {
 pub(super) struct PatchProblem<'a> {
     pub(super) solver: &'a GaussSeidelConfig,
     pub(super) coupling: &'a Coupling,
+    pub(super) gripper: Option<&'a Gripper>,
     pub(super) config: &'a PatchTickConfig,
 }
 
@@ -113,9 +117,9 @@ pub(super) struct PatchProblem<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ToolPoses {
     /// If the force stayed as in the tick before.
-    pub(super) held: Isometry3<f64>,
+    pub(super) held: ToolPose,
     /// Without contact.
-    pub(super) predicted: Isometry3<f64>,
+    pub(super) predicted: ToolPose,
 }
 
 impl PatchProblem<'_> {
@@ -134,7 +138,7 @@ impl PatchProblem<'_> {
         }
         let fade = memory.fade(self.config.hand_over);
         memory.shape_now(patch, fade, &mut scratch.shape[..nodes]);
-        let dropped = scratch.detection.detect(
+        let dropped = scratch.detection.detect_tool(
             patch.skin(),
             &scratch.shape[..nodes],
             &self.config.tool,
@@ -145,13 +149,15 @@ impl PatchProblem<'_> {
         scratch.moved[..nodes].fill(Vector3::zeros());
         let truncated = dropped > 0;
         let rows = &mut scratch.rows;
-        rows.build(scratch.detection.contacts(), &scratch.shape[..nodes], memory, patch, poses);
+        let jaws = Jaws::new(&self.config.tool, poses, memory.tool());
+        rows.build(scratch.detection.contacts(), &scratch.shape[..nodes], memory, patch, &jaws);
         let m = rows.len();
         if m == 0 {
             return Local { truncated, ..Local::EMPTY };
         }
         let Some(w) = w.get_mut(..m * m) else { return Local { truncated: true, ..Local::EMPTY } };
-        let sound = rows.compliance_into(patch, self.coupling, w);
+        let opening = self.gripper.map_or(0.0, Gripper::compliance);
+        let sound = rows.compliance_into(patch, (self.coupling, opening), w);
 
         memory.warm_start(rows);
         let view = ProblemView { compliance: w, stride: m, delta_free: &rows.delta_free, blocks: &rows.blocks };
@@ -168,6 +174,7 @@ impl PatchProblem<'_> {
         Local {
             finite,
             wrench,
+            gripper: rows.gripper_torque(),
             gap: rows.least_gap(),
             contacts: rows.contacts() as u32,
             active: rows.active() as u32,
@@ -180,13 +187,11 @@ impl PatchProblem<'_> {
 
     /// Whether skin that the patch lacks could touch the tool at this pose: it has gone farther from the pose of the
     /// snapshot than the patch was gathered for.
-    pub(super) fn is_beyond(&self, patch: &HapticPatch, from: &Isometry3<f64>, pose: &Isometry3<f64>) -> bool {
-        let (centre, radius) = self.config.tool.bounding_sphere(pose);
-        let (before, _) = self.config.tool.bounding_sphere(from);
-        let turned = match self.config.tool.axis(pose) {
-            Some([p, q]) if p == q => 0.0,
-            _ => radius * pose.rotation.angle_to(&from.rotation),
+    pub(super) fn is_beyond(&self, patch: &HapticPatch, from: &ToolPose, pose: &ToolPose) -> bool {
+        let moved = match self.config.tool.is_ball() {
+            true => (pose.frame.translation.vector - from.frame.translation.vector).norm(),
+            false => self.config.tool.path(from, pose),
         };
-        (centre - before).norm() + turned > patch.skin().clearance()
+        moved > patch.skin().clearance()
     }
 }

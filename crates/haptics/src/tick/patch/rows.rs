@@ -1,12 +1,12 @@
 //! Rows of the contacts of a tick on a patch, and their compliance `W = B C Bᵀ`.
 
-use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use palpate_collision::Contact;
 use palpate_constraints::frame::ContactFrame;
 use palpate_constraints::law::{Law, Signorini};
 use palpate_solver::problem::Block;
 
-use super::ToolPoses;
+use super::jaws::Jaws;
 use super::memory::PatchMemory;
 use crate::coupling::Coupling;
 use crate::patch::HapticPatch;
@@ -24,6 +24,8 @@ pub(super) struct Row {
     pub(super) frame: Matrix3<f64>,
     /// From the tool's origin \[m\].
     lever: Vector3<f64>,
+    /// Velocity of the tool's point per rad that the jaws open \[m\].
+    opens: Vector3<f64>,
     /// Force on the tissue \[N\] and, where it sticks, what is left of its displacement along the tangents \[m\].
     pub(super) force: Vector3<f64>,
     pub(super) slip: Vector3<f64>,
@@ -76,23 +78,24 @@ impl Rows {
         shape: &[Vector3<f64>],
         memory: &PatchMemory,
         patch: &HapticPatch,
-        poses: &ToolPoses,
+        jaws: &Jaws,
     ) {
         self.contact.clear();
         self.blocks.clear();
         self.delta_free.clear();
         self.law = patch.law;
         let each = self.rows_each();
-        let path = Path::new(poses, memory.tool());
         for contact in contacts.iter().take(self.max_contacts) {
             let directions = ContactFrame::new(contact.normal).directions();
-            let lever = contact.tissue_point - poses.held.translation.vector;
+            let path = jaws.of(contact.feature);
+            let lever = contact.tissue_point - jaws.origin();
             let mut row = Row {
                 feature: contact.feature,
                 nodes: [(0, 0.0); 3],
                 count: 0,
                 frame: Matrix3::from_columns(&directions),
                 lever,
+                opens: path.opens(&contact.tissue_point),
                 force: Vector3::zeros(),
                 slip: Vector3::zeros(),
                 gap: f64::INFINITY,
@@ -112,7 +115,7 @@ impl Rows {
                 }
             }
             let normal = &directions[0];
-            let gap = contact.gap - normal.dot(&yielded) + path.closing(normal, &lever);
+            let gap = contact.gap - normal.dot(&yielded) + jaws.closing(normal, &lever, &row.opens);
             self.blocks.push(Block { start: self.delta_free.len(), law: self.law.at_free_gap(gap) });
             self.delta_free.push(gap);
             if each > 1 {
@@ -125,15 +128,23 @@ impl Rows {
         self.lambda.resize(self.delta_free.len(), 0.0);
     }
 
-    /// W \[m/N\], by columns without padding. False where a number is not finite.
-    pub(super) fn compliance_into(&self, patch: &HapticPatch, coupling: &Coupling, w: &mut [f64]) -> bool {
+    /// W \[m/N\], by columns without padding, with the compliances of the tool's pose and of its opening \[rad/(N m)\]. False where a number is not finite.
+    pub(super) fn compliance_into(
+        &self,
+        patch: &HapticPatch,
+        (coupling, opening): (&Coupling, f64),
+        w: &mut [f64],
+    ) -> bool {
         let (m, each) = (self.len(), self.rows_each());
         let (c, turning) = (coupling.compliance(), coupling.rotational_compliance());
         let blocks = NodeBlocks::new(patch);
         let mut finite = true;
         for (j, b) in self.contact.iter().enumerate() {
             for (i, a) in self.contact.iter().enumerate().skip(j) {
-                let between = blocks.between(a, b) + Matrix3::from_diagonal_element(c);
+                let mut between = blocks.between(a, b) + Matrix3::from_diagonal_element(c);
+                if opening > 0.0 {
+                    between += a.opens * b.opens.transpose() * opening;
+                }
                 if each == 1 {
                     let mut entry = a.frame.column(0).dot(&(between * b.frame.column(0)));
                     if turning > 0.0 {
@@ -203,6 +214,11 @@ impl Rows {
         wrench
     }
 
+    /// What the contacts do to the opening of the jaws \[N m\].
+    pub(super) fn gripper_torque(&self) -> f64 {
+        self.contact.iter().map(|row| -row.opens.dot(&row.force)).sum()
+    }
+
     /// Smallest gap at the forces \[m\].
     pub(super) fn least_gap(&self) -> f64 {
         self.contact.iter().map(|row| row.gap).fold(f64::INFINITY, f64::min)
@@ -264,39 +280,5 @@ impl<'a> NodeBlocks<'a> {
             }
         }
         sum
-    }
-}
-
-/// How the tool moves in a tick.
-struct Path {
-    /// Translation and rotation vector from the pose where contacts are found to the predicted one.
-    translation: Vector3<f64>,
-    rotation: Vector3<f64>,
-    held: Isometry3<f64>,
-    predicted: Isometry3<f64>,
-    before: Isometry3<f64>,
-}
-
-impl Path {
-    fn new(poses: &ToolPoses, before: Option<&Isometry3<f64>>) -> Self {
-        let ToolPoses { held, predicted } = *poses;
-        Self {
-            translation: predicted.translation.vector - held.translation.vector,
-            rotation: (predicted.rotation * held.rotation.inverse()).scaled_axis(),
-            held,
-            predicted,
-            before: before.copied().unwrap_or(held),
-        }
-    }
-
-    /// Change of the gap along a normal at this lever \[m\], from the pose where contacts are found to the predicted one.
-    fn closing(&self, normal: &Vector3<f64>, lever: &Vector3<f64>) -> f64 {
-        -normal.dot(&self.translation) - lever.cross(normal).dot(&self.rotation)
-    }
-
-    /// Path \[m\] of the tool's point at `x`, from where the tick before left it to the predicted pose.
-    fn of_point(&self, x: &Vector3<f64>) -> Vector3<f64> {
-        let local = self.held.inverse_transform_point(&Point3::from(*x));
-        self.predicted * local - self.before * local
     }
 }

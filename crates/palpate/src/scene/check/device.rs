@@ -44,6 +44,8 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
             SetupError::ScriptGap { entry, .. }
             | SetupError::ScriptOrder { entry, .. }
             | SetupError::ScriptNumber { entry, .. }
+            | SetupError::ScriptRotation { entry }
+            | SetupError::ScriptGripper { entry, .. }
             | SetupError::ScriptSpeed { entry, .. } => format!("hand.path.{entry}"),
             _ => "hand.path".to_string(),
         };

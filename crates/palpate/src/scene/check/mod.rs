@@ -8,6 +8,7 @@ mod number;
 mod rates;
 mod solid;
 mod tick;
+mod tool;
 
 use super::description::SceneDescription;
 use super::error::SceneError;
@@ -40,7 +41,7 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
         }
     }
     match scene.tools.as_slice() {
-        [_] => {}
+        [tool] => tool::check(tool, source)?,
         [] => return Err(source.at("tool", "there is no tool", "add a [[tool]] with a shape")),
         more => {
             let message = format!("{} tools, but this version moves one", more.len());

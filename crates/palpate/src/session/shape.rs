@@ -1,0 +1,49 @@
+//! Where the bodies are, for a screen: the latest step's, handed over whole.
+
+use nalgebra::Vector3;
+use palpate_haptics::exchange::{Reader, Writer, latest};
+
+use crate::step::{StepState, placements};
+use crate::world::World;
+
+/// The bodies at the end of a step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shape {
+    /// Steps until then.
+    pub steps: u64,
+    /// Time (s).
+    pub time: f64,
+    /// Events that had happened by then: the body's triangles are those of [`World::phase`] of this number.
+    pub phase: usize,
+    /// Nodes of the soft body (m), inner ones too: triangles name them.
+    pub positions: Vec<Vector3<f64>>,
+    /// Origin of the shape of each rigid body (m), and its orientation `[x, y, z, w]`.
+    pub rigid: Vec<([f64; 3], [f64; 4])>,
+}
+
+/// The step's end of the hand-over. Fills in place: a screen that does not look costs the step a copy of its nodes, and
+/// never a wait.
+pub(crate) struct ShapeWriter(Writer<Shape>);
+
+impl ShapeWriter {
+    /// Both ends, with the bodies as they are.
+    pub(crate) fn new(world: &World, state: &StepState) -> (Self, Reader<Shape>) {
+        let rigid =
+            placements(world, &state.rigid).map(|(position, orientation, ..)| (position, orientation)).collect();
+        let positions = state.fem.q.clone();
+        let (writer, reader) = latest(&Shape { steps: 0, time: 0.0, phase: state.phase(), positions, rigid });
+        (Self(writer), reader)
+    }
+
+    /// Hands the bodies over as they are at `time` (s).
+    pub(crate) fn send(&mut self, world: &World, state: &StepState, time: f64) {
+        let shape = self.0.value_mut();
+        (shape.steps, shape.time, shape.phase) = (state.step, time, state.phase());
+        // Lengths are those of the set-up; what is more is left out.
+        shape.positions.iter_mut().zip(&state.fem.q).for_each(|(to, q)| *to = *q);
+        for (to, (position, orientation, ..)) in shape.rigid.iter_mut().zip(placements(world, &state.rigid)) {
+            *to = (position, orientation);
+        }
+        self.0.publish();
+    }
+}
