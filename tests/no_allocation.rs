@@ -263,16 +263,19 @@ fn the_guard_of_a_body_that_begins_inside_out_allocates_nothing() {
         });
         on_a_worker(|| {
             let mut simulation = Simulation::new(&world).unwrap();
-            let mut cuts = 0;
+            let mut acted = 0;
             let mut recover = || {
                 for &node in world.model().node_of_free() {
                     simulation.state_mut().fem.q[node as usize].z = block::SKIN - world.mesh().nodes[node as usize].z;
                 }
-                (0..10).for_each(|k| cuts += simulation.step(&pose(k)).cuts);
+                (0..10).for_each(|k| {
+                    let report = simulation.step(&pose(k));
+                    acted += report.cuts + report.repeated;
+                });
             };
             recover();
             assert_eq!(violations(&mut recover), 0, "{element:?}");
-            assert!(cuts > 0, "{element:?}: the guard had nothing to do");
+            assert!(acted > 0, "{element:?}: the guard had nothing to do");
         });
     }
 }

@@ -72,7 +72,10 @@ pub(crate) fn measure(seconds: f64) {
     }
     line("factorisation", &s.factor_work, MILLISECONDS, "");
     let granted = !s.notes.iter().any(|note| note.contains("real-time priority"));
-    println!("real-time priority of the tick: {}", if granted { "granted" } else { "not granted" });
+    println!(
+        "tick thread under SCHED_FIFO: {}",
+        if granted { "granted" } else { "refused by the system, so that these wake-ups are of SCHED_OTHER too" }
+    );
     println!("overruns: step {}, tick {}", s.step_overruns, s.tick_overruns);
     println!("rates: step {:.1}, factor {:.1}, tick {:.1} Hz", s.step_rate, s.factor_rate, s.tick_rate);
     for (k, what) in ["contacts while touching", "of these with force"].iter().enumerate() {

@@ -24,6 +24,7 @@ pub(crate) fn press(sim: &mut Simulation<'_>, position: Vector3<f64>, tolerance:
         assert_eq!(report.status, StepStatus::Advanced);
         assert!(!report.refused && report.detection.dropped == 0, "{report:?}");
         assert_eq!(report.solve.status, SolveStatus::Solved, "{report:?}");
+        assert_eq!((report.repeated, report.folds.folded), (0, 0), "the guard has no part in an ordinary press");
         if (report.force - before).norm() < tolerance * report.force.norm() {
             return (report, steps);
         }

@@ -2,7 +2,7 @@
  *
  * LIFE CYCLE
  *   palpate_create_from_file -> palpate_open_port -> palpate_start -> palpate_tick, palpate_tick, ...
- *   [palpate_pause, palpate_resume] -> palpate_stop -> palpate_close_port -> palpate_destroy
+ *   [palpate_pause, palpate_resume, palpate_change] -> palpate_stop -> palpate_close_port -> palpate_destroy
  *   A stopped simulation can be given a new port, and begins anew from rest. Port and simulation may be freed in either
  *   order; NULL may be freed. Every other use of a freed handle is an error that the library cannot see.
  *
@@ -40,6 +40,11 @@
 /* Generated from crates/capi; do not edit: change the Rust and run `cargo xtask header`. */
 
 #include <stdint.h>
+
+/*
+ The passivity layer keeps its account but does not act on the force.
+ */
+#define PALPATE_OPTION_OBSERVE_ENERGY_ONLY (1u << 0)
 
 /*
  Phase of a simulation that has a port and has not been started.
@@ -131,6 +136,26 @@
  The input's pose was not finite, not a rotation, or beyond 1 km: no force.
  */
 #define PALPATE_TICK_BAD_POSE (1u << 13)
+
+/*
+ The contact would have given out more energy than it took in: the force was reduced along the motion.
+ */
+#define PALPATE_TICK_PASSIVITY (1u << 16)
+
+/*
+ The power given to the hand was cut to its limit.
+ */
+#define PALPATE_TICK_POWER_LIMITED (1u << 17)
+
+/*
+ The tick came later than half a period after its time.
+ */
+#define PALPATE_TICK_LATE (1u << 18)
+
+/*
+ The device's pose has jumped: no force until the tool is out of contact or back where it was.
+ */
+#define PALPATE_TICK_JUMPED (1u << 19)
 
 /*
  The device's clock stood still, ran backwards, or did not keep pace: the library's own was used.
@@ -293,6 +318,22 @@ typedef struct palpate_options {
      Trace to write (MCAP), UTF-8; NULL: none.
      */
     const char *trace;
+    /*
+     Largest power that is given to the hand (W).
+     */
+    double max_power;
+    /*
+     Energy that a contact may give out beyond what it took in (J).
+     */
+    double energy_allowance;
+    /*
+     PALPATE_OPTION_... or 0.
+     */
+    uint32_t switches;
+    /*
+     Always 0.
+     */
+    uint32_t reserved_switches;
 } palpate_options;
 
 /*
@@ -336,7 +377,7 @@ typedef struct palpate_statistics_data {
      */
     uint64_t contacts_dropped;
     /*
-     Ticks that were cut by a limit of force, torque or slew.
+     Ticks that were cut by a limit of force, torque, power or slew.
      */
     uint64_t limited;
     /*
@@ -383,6 +424,54 @@ typedef struct palpate_statistics_data {
      Always 0.
      */
     uint32_t reserved;
+    /*
+     Ticks in which the force was cut to its limit.
+     */
+    uint64_t force_limited;
+    /*
+     Ticks in which the torque was cut to its limit.
+     */
+    uint64_t torque_limited;
+    /*
+     Ticks in which the power given to the hand was cut to its limit.
+     */
+    uint64_t power_limited;
+    /*
+     Ticks in which the change of force or torque was cut to its limit.
+     */
+    uint64_t slew_limited;
+    /*
+     Ticks in which the passivity layer reduced the force along the motion.
+     */
+    uint64_t passivity;
+    /*
+     Ticks whose step of the tissue was old, so that the force faded or was zero.
+     */
+    uint64_t stale;
+    /*
+     Ticks after an interruption.
+     */
+    uint64_t gaps;
+    /*
+     Ticks that came later than half a period after their time.
+     */
+    uint64_t late;
+    /*
+     Ticks without force since the device's pose had jumped.
+     */
+    uint64_t jumped;
+    /*
+     Energy that went through the device by forces since the start (J); positive: the hand has put it in.
+     */
+    double energy;
+    /*
+     The same by torques (J).
+     */
+    double energy_by_torque;
+    /*
+     Lowest energy of a contact (J): what it gave out beyond what it had taken in.
+     */
+    double lowest_energy;
 } palpate_statistics_data;
 
 /*
@@ -493,6 +582,10 @@ typedef struct palpate_output {
      One of PALPATE_PHASE_...
      */
     uint32_t phase;
+    /*
+     Energy that went through the port in the contact that lasts (J); positive: the hand has put it in.
+     */
+    double energy;
 } palpate_output;
 
 #ifdef __cplusplus
@@ -573,6 +666,21 @@ palpate_status palpate_pause(const struct palpate_simulation *simulation);
  `simulation` is NULL or was created and not destroyed.
  */
 palpate_status palpate_resume(const struct palpate_simulation *simulation);
+
+/*
+ Changes the body while it runs: nodes released or held, elements removed. `change` is TOML with the keys of an [[event]]
+ without `time`, such as "remove = { ball = { center = [0.02, 0.02, 0.04], radius = 0.005 } }" or
+ "hold = { node_set = \"x_min\" }". The scene's body must have room: `changes = 8` for eight changes in one run.
+
+ The changed body is made on the calling thread, in some ten milliseconds per thousand nodes, so do not call it from the
+ thread that ticks; the tissue goes on meanwhile, and its next step takes the change. Other calls with the same simulation
+ wait until it is made, ticks do not. PALPATE_STATUS_ERROR_PHASE where nothing runs, PALPATE_STATUS_ERROR_ARGUMENT where
+ the change cannot be done; palpate_last_error says why.
+
+ The caller answers for this:
+ `simulation` is NULL or was created and not destroyed; `change` is NULL or a text closed by a zero.
+ */
+palpate_status palpate_change(const struct palpate_simulation *simulation, const char *change);
 
 /*
  Ends the threads and the trace, and waits for them: at most the time of a step and 0.1 s. The driver may go on

@@ -14,7 +14,7 @@ mod simulation;
 mod statistics;
 mod status;
 
-pub use options::Options;
+pub use options::{Options, PALPATE_OPTION_OBSERVE_ENERGY_ONLY};
 pub use port::*;
 pub use simulation::*;
 pub use statistics::*;

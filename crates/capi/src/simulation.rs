@@ -206,8 +206,8 @@ pub unsafe extern "C" fn palpate_resume(simulation: *const Simulation) -> Status
 ///
 /// The changed body is made on the calling thread, in some ten milliseconds per thousand nodes, so do not call it from the
 /// thread that ticks; the tissue goes on meanwhile, and its next step takes the change. Other calls with the same simulation
-/// wait until it is made, ticks do not. PALPATE_STATUS_ERROR_PHASE where
-/// nothing runs, PALPATE_STATUS_ERROR_ARGUMENT where the change cannot be done; palpate_last_error says why.
+/// wait until it is made, ticks do not. PALPATE_STATUS_ERROR_PHASE where nothing runs, PALPATE_STATUS_ERROR_ARGUMENT where
+/// the change cannot be done; palpate_last_error says why.
 ///
 /// # Safety
 /// `simulation` is NULL or was created and not destroyed; `change` is NULL or a text closed by a zero.

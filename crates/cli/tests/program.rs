@@ -32,7 +32,9 @@ fn a_run_writes_trace_picture_table_state_and_summary() {
     assert!((largest - said).abs() <= 1e-12 * said, "trace {largest} N, summary {said} N");
 
     let mut table = csv::Reader::from_path(place.path("steps.csv")).unwrap();
-    assert_eq!(table.headers().unwrap().iter().collect::<Vec<_>>(), palpate::step::StepReport::COLUMNS);
+    let ticks = palpate::summary::ForceCounts::NAMES.map(|name| format!("ticks_{name}"));
+    let columns = palpate::step::StepReport::COLUMNS.iter().copied().chain(ticks.iter().map(String::as_str));
+    assert!(table.headers().unwrap().iter().eq(columns), "{:?}", table.headers());
     let rows: Vec<Vec<f64>> =
         table.records().map(|row| row.unwrap().iter().map(|v| v.parse().unwrap()).collect()).collect();
     assert_eq!(rows.len(), 30);
@@ -45,6 +47,12 @@ fn a_run_writes_trace_picture_table_state_and_summary() {
         assert_eq!(row[column("work_s")], 0.0, "no wall time in lockstep");
     }
     assert!(rows.iter().any(|row| row[column("force_z_n")] > 0.05 && row[column("contacts")] >= 1.0));
+    // The first fade takes 0.3 s; nothing else acts on the force of a press.
+    let of_ticks = |k: usize| rows.iter().map(|row| row[palpate::step::StepReport::COLUMNS.len() + k]).sum::<f64>();
+    for (k, name) in palpate::summary::ForceCounts::NAMES.iter().enumerate() {
+        assert_eq!(of_ticks(k), if *name == "fading_in" { 300.0 } else { 0.0 }, "{name}");
+        assert_eq!(summary["port"]["counts"][*name].as_f64(), Some(of_ticks(k)), "{name}");
+    }
 
     let end = format::read(&place.path("end.vtu")).unwrap().mesh;
     assert_eq!(end.nodes.len(), NODES);

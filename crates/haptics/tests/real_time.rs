@@ -146,3 +146,20 @@ fn twenty_thousand_ticks_with_contacts_and_faults_allocate_nothing() {
     ];
     assert!(happened.iter().all(|flag| seen[flag.bits().trailing_zeros() as usize] > 0), "{seen:?}");
 }
+
+#[test]
+fn a_late_device_in_a_hand_that_gives_way_allocates_nothing() {
+    // Every tick has another length, hence another motion between ticks to prepare.
+    let mechanics = VirtualDeviceConfig { jitter: 3e-4, ..VirtualDeviceConfig::default() };
+    let script = HandScript::at(Vector3::zeros()).stroke(Vector3::z() * -6e-3, 1.0, 2).unwrap().let_go(0.5).unwrap();
+    let mut device = VirtualDevice::new(mechanics, Hand::preset("normal").unwrap(), script).unwrap();
+    reset_violation_count();
+    for index in 0..3000 {
+        assert_no_alloc(|| {
+            let sample = device.read(TickTime::regular(index, rig::PERIOD));
+            let depth = sample.map_or(0.0, |sample| sample.pose.translation.z.min(0.0));
+            let _ = device.write(Wrench::from_force(Vector3::z() * (-300.0 * depth)));
+        });
+    }
+    assert_eq!(violation_count(), 0);
+}

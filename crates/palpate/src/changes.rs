@@ -1,11 +1,41 @@
-//! The way of a change from outside to the step that takes it, and into the trace.
+//! Changes of a body in a run: as they happened, and the way of those from outside to the step that takes them and into the
+//! trace.
 
+use std::fmt;
 use std::sync::mpsc::{SyncSender, sync_channel};
 
 use serde::{Deserialize, Serialize};
 
-use crate::step::{Prepared, StepState, StepWorkspace};
+use crate::step::{FactorFit, Prepared, StepState, StepWorkspace};
 use crate::world::{ChangeError, ChangeMaker, ChangeRequest, World};
+
+/// An event as it happened.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EventRecord {
+    /// Begin of the first step after it (s).
+    pub time: f64,
+    /// What happened, in words.
+    pub event: String,
+    /// How the latest factor served the changed body in that step.
+    pub factor: FactorFit,
+    /// Nodes whose rows of the matrix changed since that factor, where that was worked out.
+    pub touched: u32,
+    /// Conjugate-gradient iterations of that step.
+    pub iterations: usize,
+}
+
+impl fmt::Display for EventRecord {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.3} s: {}; ", self.time, self.event)?;
+        match self.factor {
+            FactorFit::Own => write!(f, "factored in the step"),
+            FactorFit::Updated => write!(f, "factor updated in {} nodes", self.touched),
+            FactorFit::Renewed => write!(f, "factored anew"),
+            FactorFit::Outdated => write!(f, "the factor could not follow, no contact until the next"),
+        }?;
+        write!(f, ", {} iterations", self.iterations)
+    }
+}
 
 /// The end of whoever asks for changes. The other is in a step's workspace: each step takes what has come by its begin.
 pub(crate) struct ChangeQueue {

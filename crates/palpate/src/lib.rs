@@ -38,6 +38,7 @@ pub mod simulation;
 pub mod step;
 pub mod summary;
 pub mod tick;
+mod watch;
 pub mod world;
 
 pub use palpate_collision as collision;

@@ -17,10 +17,8 @@ use crate::run::{Observer, RunError, RunOptions, RunOutcome};
 use crate::step::{StepReport, StepStatus};
 use crate::summary::RunEnd;
 use crate::tick::{TickReport, Ticker};
+use crate::watch::Watch;
 use crate::world::World;
-
-/// How often the watching thread empties the rings.
-const WATCH_PERIOD: Duration = Duration::from_millis(50);
 
 /// SCHED_FIFO priority of the tick thread: above ordinary work, below the kernel's own threads.
 const TICK_PRIORITY: u8 = 60;
@@ -88,8 +86,7 @@ pub(crate) fn attend(
     let Engine { mut stage, mut refresh, mut refresh_trace, trace, notes, changes, .. } = engine;
     let (step_sender, steps) = every::<StepReport>(256);
     let (refresh_sender, refreshes) = every::<RefreshReport>(64);
-    let history = std::collections::VecDeque::new();
-    let mut watch = Watch { gathering: Gathering::new(world), steps, ticks: ticks.told, refreshes, history };
+    let mut watch = Watch::new(Gathering::new(world), steps, ticks.told, refreshes);
     let end_all = AtomicBool::new(false);
     let granted = AtomicBool::new(true);
     let outcome = std::thread::scope(|scope| -> std::io::Result<(RunEnd, f64)> {
@@ -255,66 +252,5 @@ fn refresh_loop(
         };
         trace.push(&report, true);
         reports.send(report);
-    }
-}
-
-/// The watching thread: empties the rings, keeps the tails, tells the observer.
-struct Watch {
-    gathering: Gathering,
-    steps: Receiver<StepReport>,
-    ticks: Receiver<TickReport>,
-    refreshes: Receiver<RefreshReport>,
-    /// Time and counts of the last second, for rates.
-    history: std::collections::VecDeque<(Instant, [u64; 3])>,
-}
-
-impl Watch {
-    /// Watches until the time is up, the caller says stop, the body fails, or the tick thread is gone.
-    fn until(
-        &mut self,
-        seconds: f64,
-        start: Instant,
-        stop: &AtomicBool,
-        gone: &AtomicBool,
-        observer: &mut dyn Observer,
-    ) -> RunEnd {
-        loop {
-            std::thread::sleep(WATCH_PERIOD);
-            self.drain(observer);
-            let rates = self.rates();
-            observer.progress(&crate::run::Progress { rates: Some(rates), ..self.gathering.progress() });
-            if self.gathering.failed {
-                return RunEnd::BodyFailed;
-            }
-            if stop.load(Ordering::Relaxed) || gone.load(Ordering::Acquire) {
-                return RunEnd::Interrupted;
-            }
-            if start.elapsed().as_secs_f64() >= seconds {
-                return RunEnd::Completed;
-            }
-        }
-    }
-
-    fn drain(&mut self, observer: &mut dyn Observer) {
-        while let Some(report) = self.steps.receive() {
-            self.gathering.step(&report, observer);
-        }
-        while let Some(report) = self.refreshes.receive() {
-            self.gathering.refresh(&report);
-        }
-        while let Some(record) = self.ticks.receive() {
-            self.gathering.tick(&record, observer);
-        }
-    }
-
-    fn rates(&mut self) -> [f64; 3] {
-        let now = (Instant::now(), self.gathering.counts());
-        self.history.push_back(now);
-        while self.history.len() > 21 {
-            self.history.pop_front();
-        }
-        let then = self.history[0];
-        let span = now.0.duration_since(then.0).as_secs_f64().max(1e-9);
-        std::array::from_fn(|k| (now.1[k] - then.1[k]) as f64 / span)
     }
 }

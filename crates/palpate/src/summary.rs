@@ -8,9 +8,10 @@ use hdrhistogram::Histogram;
 use palpate_rigid::RigidState;
 use serde::Serialize;
 
+pub use crate::changes::EventRecord;
 pub use crate::port_summary::{ForceCounts, PortSummary};
 pub use crate::record::TraceOutcome;
-use crate::step::{FactorFit, placements};
+use crate::step::placements;
 use crate::world::World;
 
 /// Median and tails of one measured quantity.
@@ -137,34 +138,6 @@ impl fmt::Display for RigidEnd {
             speed(&self.velocity),
             speed(&self.angular_velocity)
         )
-    }
-}
-
-/// An event as it happened.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct EventRecord {
-    /// Begin of the first step after it (s).
-    pub time: f64,
-    /// What happened, in words.
-    pub event: String,
-    /// How the latest factor served the changed body in that step.
-    pub factor: FactorFit,
-    /// Nodes whose rows of the matrix changed since that factor, where that was worked out.
-    pub touched: u32,
-    /// Conjugate-gradient iterations of that step.
-    pub iterations: usize,
-}
-
-impl fmt::Display for EventRecord {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:.3} s: {}; ", self.time, self.event)?;
-        match self.factor {
-            FactorFit::Own => write!(f, "factored in the step"),
-            FactorFit::Updated => write!(f, "factor updated in {} nodes", self.touched),
-            FactorFit::Renewed => write!(f, "factored anew"),
-            FactorFit::Outdated => write!(f, "the factor could not follow, no contact until the next"),
-        }?;
-        write!(f, ", {} iterations", self.iterations)
     }
 }
 

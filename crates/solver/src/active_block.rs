@@ -3,9 +3,9 @@
 //! The symbols are those of [`crate::active_system`].
 
 use crate::coupled_block::CoupledBlock;
-use crate::problem::{Block, ProblemView, gather, scatter};
+use crate::problem::{Block, gather, scatter};
 use crate::single::SingleCompliance;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use palpate_constraints::law::{Linearization, RowEquation};
 
 /// An unknown of the system.
@@ -96,15 +96,18 @@ impl ActiveBlock {
     }
 
     /// The block's equations in single precision; `None` where it was not admitted.
-    pub(crate) fn couple(&self, view: &ProblemView<'_>, single: &SingleCompliance, shift: f64) -> Option<CoupledBlock> {
-        let (mut tests, mut directions, mut own) = (Matrix3::zeros(), Matrix3::zeros(), Vector3::repeat(1.0));
+    #[inline(always)]
+    pub(crate) fn couple(&self, single: &SingleCompliance, shift: f64) -> Option<CoupledBlock> {
+        let (mut tests, mut directions, mut own) = ([[0.0; 4]; 3], [[0.0; 4]; 3], [1.0, 1.0, 1.0, 0.0]);
         for (l, unknown) in self.unknowns().iter().enumerate() {
-            tests.set_row(l, &(unknown.test * (unknown.weight * self.scale)).transpose());
-            directions.set_column(l, &(unknown.direction * self.scale));
-            own[l] = unknown.own(shift);
+            for c in 0..3 {
+                tests[c][l] = (unknown.test[c] * (unknown.weight * self.scale)) as f32;
+                directions[l][c] = (unknown.direction[c] * self.scale) as f32;
+            }
+            own[l] = unknown.own(shift) as f32;
         }
         let (place, rows) = (single.place(&self.block)?, self.block.law.rows());
-        Some(CoupledBlock::new(place, rows, &tests, &directions, &own, &view.diagonal_block(&self.block)))
+        Some(CoupledBlock::new(place, rows, &tests, &directions, &own, &single.diagonal_block(place, rows)))
     }
 
     /// Adds the forces that belong to values of the unknowns.

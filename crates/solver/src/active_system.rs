@@ -26,9 +26,10 @@ use crate::single::SingleCompliance;
 use crate::vectors::add_columns;
 use nalgebra::Vector3;
 use palpate_constraints::law::LocalCompliance;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Iterations for each unknown beyond which a system of that size is solved faster by a factorisation.
-const DEAR: f64 = 0.1;
+const DEAR: f64 = 0.2;
 
 /// Shifts from which on iteration is tried again: it then does not take many.
 const DEAR_SHIFT: f64 = 1e-3;
@@ -161,11 +162,9 @@ impl ActiveSystem {
         }
         right.clear();
         coupled.clear();
-        for active in blocks.iter() {
-            let Some(block) = active.couple(view, single, shift) else { return false };
-            let gap = block.read(single_gap);
-            right.push(active.right(&(Vector3::new(gap[0], gap[1], gap[2]).map(f64::from) * size)));
-            coupled.push(block);
+        let gaps = Scaled { gap: single_gap, size };
+        if !Arch::new().dispatch(Couple { blocks, single, gaps, shift, right, coupled }) {
+            return false;
         }
         let solution = krylov.solve(single, coupled, right, tolerance);
         *last_iterations = solution.map_or(usize::MAX, |(_, iterations)| iterations);
@@ -212,6 +211,39 @@ impl ActiveSystem {
         let Some(solution) = system.solve() else { return false };
         for active in blocks.iter() {
             active.add(solution.get(active.first..active.first + active.count).unwrap_or(&[]), direction);
+        }
+        true
+    }
+}
+
+/// Gaps in single precision, relative to `size`.
+#[derive(Clone, Copy)]
+struct Scaled<'a> {
+    gap: &'a [f32],
+    size: f64,
+}
+
+/// Forms the equations and right sides of the blocks; `false` where one of them was not admitted.
+struct Couple<'a> {
+    blocks: &'a [ActiveBlock],
+    single: &'a SingleCompliance,
+    gaps: Scaled<'a>,
+    shift: f64,
+    right: &'a mut Vec<[f64; 4]>,
+    coupled: &'a mut Vec<CoupledBlock>,
+}
+
+impl WithSimd for Couple<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> bool {
+        for active in self.blocks {
+            let Some(block) = active.couple(self.single, self.shift) else { return false };
+            let gap = block.read(self.gaps.gap);
+            let gap = Vector3::new(f64::from(gap[0]), f64::from(gap[1]), f64::from(gap[2])) * self.gaps.size;
+            self.right.push(active.right(&gap));
+            self.coupled.push(block);
         }
         true
     }

@@ -3,14 +3,16 @@
 //! 1. Block Gauss-Seidel, a few sweeps: settles warm starts and easy problems before anything is factored.
 //! 2. Semismooth Newton from there: the fastest to a tight tolerance on the compliances of soft bodies, and it takes
 //!    rank-deficient ones.
-//! 3. Lemke, for problems of moderate size: needs neither symmetry nor a definite `W`.
-//! 4. Block Gauss-Seidel with many sweeps; then the accelerated gradient.
-//! 5. Cone programs, for symmetric `W`.
+//! 3. The accelerated gradient, as long as its residual falls: rank-deficient `W` does not disturb it, and an iteration costs a
+//!    product with `W`, where a pivot of Lemke's on ten times as many variables may be one of thousands.
+//! 4. Lemke, for problems of moderate size: needs neither symmetry nor a definite `W`.
+//! 5. Block Gauss-Seidel with many sweeps.
+//! 6. Cone programs, for symmetric `W`.
 //!
 //! Each begins at the best forces so far. The report has their residual, the iterations of all attempts, and how the run
 //! ended: a limit of time that was met, else the finding of the last attempt that had one (no solution, stalled), else the
-//! status of the attempt with the least residual. [`AutomaticWorkspace::attempts`] tells what was tried and how it ended. Steps 1, 2,
-//! 3 and 4 allocate nothing; step 5 does. [`AutomaticConfig::bounded`] leaves steps 3 and 5 out.
+//! status of the attempt with the least residual. [`AutomaticWorkspace::attempts`] tells what was tried and how it ended. Step 6
+//! allocates, the others do not. [`AutomaticConfig::bounded`] leaves steps 4 and 6 out.
 
 use crate::accelerated_gradient::{AcceleratedGradientConfig, AcceleratedGradientWorkspace};
 use crate::conic_friction::ConicFrictionConfig;
@@ -28,6 +30,9 @@ const LEMKE_ROWS: usize = 180;
 
 /// Sweeps of the first attempt: a Newton step on 30 contacts costs about as much as ten.
 const FIRST_SWEEPS: u32 = 30;
+
+/// Iterations without a fall of the residual by a hundredth after which the accelerated gradient makes way for the next.
+const GRADIENT_STALL: u32 = 500;
 
 /// Number of attempts there can be.
 const ATTEMPTS: usize = 6;
@@ -137,14 +142,16 @@ impl ConstraintSolver for AutomaticConfig {
         let sweeps = GaussSeidelConfig::default().limited(tolerance, Some(most));
         let newton = NewtonConfig::default().limited(tolerance, Some(most));
         let lemke = LemkeConfig::default().limited(tolerance, None);
-        let gradient = AcceleratedGradientConfig::default().limited(tolerance, Some(most));
+        let gradient =
+            AcceleratedGradientConfig { stall_iterations: GRADIENT_STALL, ..AcceleratedGradientConfig::default() }
+                .limited(tolerance, Some(most));
         let cones = ConicFrictionConfig::default().limited(tolerance, None);
         // In turn until one ends the search; nothing after that is run.
         let _over = attempt(&first, view, lambda, &mut ws.sweeps, watch, &mut best)
             || attempt(&newton, view, lambda, &mut ws.newton, watch, &mut best)
+            || attempt(&gradient, view, lambda, &mut ws.gradient, watch, &mut best)
             || !self.bounded && rows <= LEMKE_ROWS && attempt(&lemke, view, lambda, &mut ws.lemke, watch, &mut best)
             || attempt(&sweeps, view, lambda, &mut ws.sweeps, watch, &mut best)
-            || attempt(&gradient, view, lambda, &mut ws.gradient, watch, &mut best)
             || !self.bounded && attempt(&cones, view, lambda, &mut ws.sweeps, watch, &mut best);
         let Some(report) = best.report else { return SolveReport::failed(SolveStatus::Invalid, 0) };
         let iterations = best.attempts.iter().map(|attempt| attempt.report.iterations).sum();

@@ -5,18 +5,16 @@
 //! ```
 //!
 //! With `g` the gaps that the forces of other contacts make, and `N = (T W_aa D + own)^-1`, its unknowns are
-//! `x = N (v - T g)`. The products of the matrices are formed once, so that only one of them stands between the gaps of a
+//! `x = N (v - T g)`. `N` is part of a preconditioner and of nothing else, so that its rounding harms nobody. The products of the matrices are formed once, so that only one of them stands between the gaps of a
 //! contact and its forces: that is what the next contact waits for.
 
 #![allow(non_snake_case)]
-
-use nalgebra::{Matrix3, Vector3};
 
 /// Three numbers and a zero, as the processor's vectors take them.
 pub(crate) type Quad = [f32; 4];
 
 /// A 3 x 3 matrix by columns.
-type Columns = [Quad; 3];
+pub(crate) type Columns = [Quad; 3];
 
 /// The equations of a contact.
 #[derive(Clone, Copy, Debug)]
@@ -40,27 +38,25 @@ pub(crate) struct CoupledBlock {
 }
 
 impl CoupledBlock {
-    /// From `T` by rows, `D` by columns and the diagonal block `W_aa`; unknowns that the contact does not have are zero rows
+    /// From `T`, `D` and the diagonal block `W_aa`; unknowns that the contact does not have are zero rows
     /// and columns with an `own` of one. A singular block gets numbers that are not finite.
-    pub(crate) fn new(
-        place: usize,
-        rows: usize,
-        T: &Matrix3<f64>,
-        D: &Matrix3<f64>,
-        own: &Vector3<f64>,
-        W: &Matrix3<f64>,
-    ) -> Self {
-        let N = (T * W * D + Matrix3::from_diagonal(own)).try_inverse().unwrap_or(Matrix3::repeat(f64::NAN));
-        let NT = N * T;
+    #[inline(always)]
+    pub(crate) fn new(place: usize, rows: usize, T: &Columns, D: &Columns, own: &Quad, W: &Columns) -> Self {
+        let mut M = product(T, &product(W, D));
+        for (i, column) in M.iter_mut().enumerate() {
+            column[i] += own[i];
+        }
+        let N = inverse(&M);
+        let NT = product(&N, T);
         Self {
             place,
             rows,
-            tests: single(T),
-            own: quad(own),
-            inverse: single(&N),
-            reduced: single(&NT),
-            answer: single(&(D * N)),
-            response: single(&(D * NT)),
+            tests: *T,
+            own: *own,
+            inverse: N,
+            reduced: NT,
+            answer: product(D, &N),
+            response: product(D, &NT),
         }
     }
 
@@ -98,10 +94,24 @@ pub(crate) fn times(A: &Columns, x: &Quad) -> Quad {
     y
 }
 
-fn quad(v: &Vector3<f64>) -> Quad {
-    [v.x as f32, v.y as f32, v.z as f32, 0.0]
+/// `A B`.
+#[inline(always)]
+fn product(A: &Columns, B: &Columns) -> Columns {
+    [times(A, &B[0]), times(A, &B[1]), times(A, &B[2])]
 }
 
-fn single(A: &Matrix3<f64>) -> Columns {
-    std::array::from_fn(|j| quad(&A.column(j).into()))
+/// The inverse, by the adjugate; infinite or undefined where there is none.
+#[inline(always)]
+fn inverse(A: &Columns) -> Columns {
+    let cross = |a: &Quad, b: &Quad| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let rows = [cross(&A[1], &A[2]), cross(&A[2], &A[0]), cross(&A[0], &A[1])];
+    let determinant = A[0][0] * rows[0][0] + A[0][1] * rows[0][1] + A[0][2] * rows[0][2];
+    let factor = 1.0 / determinant;
+    let mut columns = [[0.0; 4]; 3];
+    for (j, column) in columns.iter_mut().enumerate() {
+        for (entry, row) in column.iter_mut().zip(&rows) {
+            *entry = row[j] * factor;
+        }
+    }
+    columns
 }

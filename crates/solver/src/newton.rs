@@ -43,10 +43,16 @@ use std::time::Instant;
 /// Error of a step's linear system relative to the residual that is asked for after it.
 const FORCING: f64 = 0.3;
 
-/// Bounds of the error of a step's linear system, relative to the residual. A step that is to find the active contacts
-/// cannot use more digits, and the steps after it are cheap: 1e-3 for the lower one costs a quarter more time.
+/// Bounds of the error of a step's linear system, relative to the residual, while the active contacts are sought: such a step
+/// cannot use more digits, and the steps after it are cheap.
 const LEAST_FORCING: f64 = 0.03;
 const MOST_FORCING: f64 = 0.1;
+
+/// Error of a step's linear system relative to the square of the residual, below the bound above: where the active contacts are
+/// found a step squares the residual, and one with all digits that it can use costs less than two. Single precision
+/// ends at [`EXACT`].
+const SQUARED: f64 = 10.0;
+const EXACT: f64 = 1e-4;
 
 /// Operations per second that a factorisation is taken to do, for the decision whether it fits the time that is left.
 const FACTORISATION_RATE: f64 = 2e9;
@@ -179,7 +185,8 @@ fn advance(
     }
     if course != Course::End {
         // As many digits as are asked for, and no more than a step can use.
-        let accuracy = (FORCING * tolerance / ws.proximal.residual).clamp(LEAST_FORCING, MOST_FORCING);
+        let least = (SQUARED * ws.proximal.residual).clamp(EXACT, LEAST_FORCING);
+        let accuracy = (FORCING * tolerance / ws.proximal.residual).clamp(least, MOST_FORCING);
         let seconds = phase.deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()).as_secs_f64());
         let largest_factor = seconds.map_or(usize::MAX, |left| (1.5 * left * FACTORISATION_RATE).cbrt() as usize);
         let way = Way { shift: ws.proximal.shift, accuracy, largest_factor };

@@ -6,7 +6,9 @@
 //!
 //! A regularised problem is well conditioned whatever `W` is, and every one of its solutions that is its own centre solves the
 //! problem itself. Newton reduces the *regularised* residual: that of the problem may have to rise on the way along
-//! directions that `W` hardly resists, where a search that asks for its fall takes no step. The centre moves when the
+//! directions that `W` hardly resists, where a search that asks for its fall takes no step. Even the regularised one may rise for
+//! some steps while the active contacts are sought: giving up where it exceeds ten times its start makes all but easy
+//! problems take twice as long. The centre moves when the
 //! regularised problem is solved to [`CENTRED`] of what it began with; where that is easy the shift follows the residual down, so
 //! that the end is as fast as Newton's; where it is hard the shift is raised.
 

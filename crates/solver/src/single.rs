@@ -58,6 +58,7 @@ impl SingleCompliance {
     }
 
     /// The first row of a block; `None` where it was not admitted.
+    #[inline(always)]
     pub(crate) fn place(&self, block: &Block) -> Option<usize> {
         self.places.get(block.start).copied().filter(|place| *place != NOWHERE)
     }
@@ -87,6 +88,21 @@ impl SingleCompliance {
             column[first..length].fill(0.0);
             Arch::new().dispatch(Round { from: view.column(row), runs, to: &mut column[first..length] });
         }
+    }
+
+    /// The diagonal block of `rows` rows at `place`, by columns and padded with zeros.
+    #[inline(always)]
+    pub(crate) fn diagonal_block(&self, place: usize, rows: usize) -> [[f32; 4]; 3] {
+        let mut block = [[0.0; 4]; 3];
+        for (c, to) in block.iter_mut().enumerate().take(rows) {
+            match self.column(place + c).get(place..).unwrap_or(&[]) {
+                [x, y, z, ..] if rows == 3 => *to = [*x, *y, *z, 0.0],
+                [x, y, ..] if rows == 2 => *to = [*x, *y, 0.0, 0.0],
+                [x, ..] => *to = [*x, 0.0, 0.0, 0.0],
+                [] => {}
+            }
+        }
+        block
     }
 
     /// Column `j`; empty where there is none.

@@ -164,7 +164,8 @@ fn median(mut work: impl FnMut()) -> f64 {
 /// computed by the same methods everywhere.
 fn other_choice(world: &World, here: &FactorTimes) -> Option<String> {
     let (body, plan) = (&world.description().bodies[0], world.plan());
-    let automatic = body.compliance == ComplianceMethod::Automatic && body.refactor.is_none() && !plan.constant;
+    let chosen = plan.constant || plan.ladder.is_some();
+    let automatic = body.compliance == ComplianceMethod::Automatic && body.refactor.is_none() && !chosen;
     let fits = here.factorization <= Plan::largest_in_step(world.dt());
     let milliseconds = 1e3 * here.factorization;
     match plan.refactor {

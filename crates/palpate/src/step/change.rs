@@ -10,15 +10,13 @@
 //! That is done once for each factor and body ([`Factor::change`](palpate_fem::factor::Factor::change)). A change that touches more nodes than there is room for leaves the factor as preconditioner
 //! alone, until the next is made; where the plan makes no other, the step makes one at once.
 
-use palpate_collision::broad_phase::SurfaceGeometry;
-use palpate_collision::detection::DetectionWorkspace;
-use palpate_fem::assembly::{FemWorkspace, assemble};
+use palpate_fem::assembly::assemble;
 use palpate_fem::factor::{ChangeStatus, FactorStatus, MatrixChange, UpdateStatus};
 use palpate_fem::model::FemState;
 use serde::Serialize;
-use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 
+use super::prepared::{PhaseScratch, Prepared, next_from_outside};
 use super::{StepState, StepWorkspace};
 use crate::refresh::FactorSample;
 use crate::scene::Refactor;
@@ -64,40 +62,11 @@ pub(super) struct ChangeStage {
     /// The state of the factor, in the body that it is of and carried to the present one; the other is scratch.
     at: [FemState; 2],
     /// Changes from outside, on their way.
-    incoming: Option<Receiver<Prepared>>,
+    pub(super) incoming: Option<Receiver<Prepared>>,
     change: MatrixChange,
     newly_held: Vec<bool>,
     /// Epoch and body for which a factor was changed last.
     adapted: Option<(u64, usize)>,
-}
-
-/// The part of the step's scratch that belongs to one body.
-struct PhaseScratch {
-    fem: FemWorkspace,
-    geometry: SurfaceGeometry,
-    detection: DetectionWorkspace,
-}
-
-impl PhaseScratch {
-    fn new(change: &Change) -> Self {
-        Self {
-            fem: FemWorkspace::new(change.world().model()),
-            geometry: change.world().geometry().clone(),
-            detection: DetectionWorkspace::new(change.world().geometry()),
-        }
-    }
-}
-
-/// A change from outside with the memory that its body takes, ready to be taken by a step.
-pub(crate) struct Prepared {
-    change: Arc<Change>,
-    scratch: PhaseScratch,
-}
-
-impl Prepared {
-    pub(crate) fn new(change: Arc<Change>) -> Self {
-        Self { scratch: PhaseScratch::new(&change), change }
-    }
 }
 
 impl ChangeStage {
@@ -115,13 +84,6 @@ impl ChangeStage {
             newly_held: vec![false; free],
             adapted: None,
         }
-    }
-}
-
-impl StepWorkspace {
-    /// Where changes from outside come from.
-    pub(crate) fn take_changes_from(&mut self, incoming: Receiver<Prepared>) {
-        self.change.incoming = Some(incoming);
     }
 }
 
@@ -144,12 +106,6 @@ pub fn pass_events(world: &World, time: f64, factor: &mut FactorSample, state: &
     }
     ws.change.report.changed |= state.phase != before;
     serve(world, time, factor, state, ws);
-}
-
-/// The next change from outside, once all of the scene's events have passed.
-fn next_from_outside(world: &World, state: &StepState, ws: &StepWorkspace) -> Option<Prepared> {
-    let all_passed = state.phase >= world.changes().len() && state.outside.len() < world.changes_from_outside();
-    ws.change.incoming.as_ref().filter(|_| all_passed)?.try_recv().ok()
 }
 
 /// Passes the next event, whenever its time is; false where there is none.
@@ -243,6 +199,10 @@ mod tests {
     use palpate_constraints::compliance::ComplianceMethod;
     use palpate_fem::factor::{Factor, SolveWorkspace};
     use palpate_fem::material::PronyTerm;
+
+    use std::sync::Arc;
+
+    use palpate_fem::assembly::FemWorkspace;
 
     use super::*;
     use crate::scene::{EventDescription, NodeSelection, Scene};

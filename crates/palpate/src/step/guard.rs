@@ -33,6 +33,9 @@ const MANY: u32 = 10;
 /// three or four 9, and none 16.
 const FEW: u32 = 2;
 
+/// Laws that are smooth through a flat element: crushed bodies of these come back without being repeated.
+const SMOOTH: [&str; 4] = ["linear", "corotational", "st_venant_kirchhoff", "stable_neo_hookean"];
+
 /// Residual at which they end, relative to the forces that it balances.
 const TOLERANCE: f64 = 1e-3;
 
@@ -48,6 +51,10 @@ const CRUSHED: f64 = 0.5;
 
 /// Motion in one step, relative to the size of the body, above which it is looked at.
 const FAR: f64 = 0.05;
+
+/// Motion, relative to the size of the body, beyond which it is not tissue that is in trouble but what loads it: such a
+/// step is left to fail, to be rolled back and told.
+const HOPELESS: f64 = 1e3;
 
 /// Most halvings: 2^-20 of a motion that crosses the body is far below what a hand feels.
 const MOST_CUTS: u32 = 20;
@@ -67,12 +74,21 @@ pub(super) fn rescue(world: &World) -> Option<ImplicitWorkspace> {
 /// How often the motion of tissue in trouble is repeated, at most, and when that is enough.
 fn repeats(world: &World, state: &StepState) -> NewtonConfig {
     let (iterations, tolerance) = match world.model().element_kind() {
-        _ if state.stuck > 0 => (MANY, TOLERANCE_HELD),
         ElementKind::Quadratic => (MANY, TOLERANCE),
-        ElementKind::Linear => (FEW, TOLERANCE),
-        ElementKind::Averaged => (0, TOLERANCE),
+        // What is repeated knows nothing of the tool, and would lose it what it carries.
+        _ if !state.warm_start.is_empty() => (0, TOLERANCE),
+        _ if state.stuck > 0 => (MANY, TOLERANCE_HELD),
+        ElementKind::Linear if tears(world) => (FEW, TOLERANCE),
+        ElementKind::Linear | ElementKind::Averaged => (0, TOLERANCE),
     };
     NewtonConfig { iterations, tolerance }
+}
+
+/// Whether some of the tissue has a law that is continued below a volume ratio, whose linearised steps tear it.
+fn tears(world: &World) -> bool {
+    let body = &world.description().bodies[0];
+    let tissues = std::iter::once(&body.material).chain(body.regions.values());
+    tissues.into_iter().any(|tissue| !SMOOTH.contains(&tissue.law.name()))
 }
 
 /// Shortens `ws.v_free` where the potential would grow, and repeats it where tissue is in trouble; counts both.
@@ -110,7 +126,9 @@ pub(super) fn guard(world: &World, state: &StepState, ws: &mut StepWorkspace, re
     ws.trial.q.copy_from_slice(&state.fem.q);
     let crushed = report.assembly.min_jacobian < EXTENSION_BELOW;
     let config = repeats(world, state);
-    if config.iterations > 0 && (report.cuts > 0 || report.folds.folded > 0 || crushed) {
+    // Written so that NaN is hopeless.
+    let hopeful = t * farthest < HOPELESS * ws.size;
+    if hopeful && config.iterations > 0 && (report.cuts > 0 || report.folds.folded > 0 || crushed) {
         repeat(world, &config, state, ws, report);
     }
 }

@@ -1,7 +1,7 @@
 //! Elements that are held open: quadratic ones that fold, and others that have come to rest inside out.
 //!
 //! Tissue that slipped through itself can rest with an element inside out: at a minimum of the continued energy no
-//! iteration leads out of it. So once linear or averaged tissue begins a step with inverted elements and hardly moves, they are
+//! iteration leads out of it. So once linear or averaged tissue that the tool does not touch begins a step with inverted elements and hardly moves, they are
 //! held open by the barrier of [`Folds`](palpate_fem::assembly::Folds), [`GROWTH`] times as stiff after each further step that
 //! leaves one inverted and at rest, and no longer once all elements are above [`OPEN_BELOW`]. The body then comes back, or
 //! rests with elements between 0 and [`OPEN_BELOW`], which every step's report counts
@@ -40,6 +40,11 @@ pub(super) fn hold_open(world: &World, state: &mut StepState, ws: &mut StepWorks
         }
         1.0
     } else {
+        // Tissue under the tool is not at rest, whatever its speed.
+        if !state.warm_start.is_empty() {
+            state.stuck = 0;
+            return;
+        }
         watch(state, ws, report);
         if state.stuck == 0 {
             return;

@@ -19,6 +19,8 @@ use crate::world::{Near, World};
 
 /// Rows of the tool at fixed bodies, and memory for them.
 pub(super) struct ObstacleStage {
+    /// Contacts that fit.
+    room: usize,
     contacts: Vec<SolidContact>,
     pub(super) rows: ContactRows,
     /// Law and identity of each block.
@@ -29,6 +31,7 @@ impl ObstacleStage {
     pub(super) fn new(world: &World) -> Self {
         let room = world.obstacle_capacity();
         Self {
+            room,
             contacts: Vec::with_capacity(room),
             rows: ContactRows::with_capacity(room),
             blocks: Vec::with_capacity(room),
@@ -62,7 +65,7 @@ impl ObstacleStage {
             let Some(body) = bodies.fixed.get(number) else { continue };
             let config = DetectionConfig {
                 margin: pair.detection.margin + reach,
-                max_contacts: pair.detection.max_contacts.min(self.contacts.capacity()),
+                max_contacts: pair.detection.max_contacts.min(self.room),
                 ..pair.detection
             };
             let seen = meet(Placed { solid: &body.solid, pose: &body.pose }, tool, &config, &mut self.contacts);

@@ -62,7 +62,10 @@ impl Integration {
                 if !explicit.allow_unstable {
                     check_step(dt, substeps, &critical).map_err(|e| {
                         let needed = critical.substeps(dt, 1.0);
-                        let remedy = format!("set explicit = {{ substeps = {needed} }} or more, or leave it out");
+                        let remedy = format!(
+                            "set explicit = {{ substeps = {needed} }} or more, or leave it out; `allow_unstable = true` beside \
+                             it takes the step nevertheless"
+                        );
                         scene.at("body.0.explicit.substeps", e.to_string(), remedy)
                     })?;
                 }

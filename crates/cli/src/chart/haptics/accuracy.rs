@@ -35,6 +35,12 @@ const TOUCH: usize = 100;
 /// What came out along a path: a force (N) for each millisecond.
 type Forces = Vec<Vector3<f64>>;
 
+/// A case with its reference, a method and a rate of the tissue (Hz).
+type Trial<'r> = (Case, &'r Forces, Method, f64);
+
+/// What it is off by, and its forces.
+type Outcome<'r> = (Trial<'r>, (Errors, Forces));
+
 /// Rate of the tissue (Hz) whose first touch is drawn.
 const DRAWN: f64 = 30.0;
 
@@ -74,10 +80,17 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<(NamedTable, V
         }
     }
     work.expect(trials.len());
-    let name = |trial: &(Case, &Forces, Method, f64)| format!("force, {}, {}", trial.0.name(), trial.2.name());
+    let name = |trial: &Trial<'_>| format!("force, {}, {}", trial.0.name(), trial.2.name());
     let errors =
         in_parallel(&trials, work, name, |&(case, offline, method, rate)| errors(&case, offline, method, rate, work))?;
 
+    let title = "Force against the same scene computed offline at 1 kHz with exact compliance, on the same path".into();
+    let outcomes: Vec<Outcome<'_>> =
+        trials.into_iter().zip(errors).filter_map(|(trial, errors)| Some((trial, errors?))).collect();
+    Ok((NamedTable { file: "haptics_force", title, table: table(&outcomes) }, panels(&outcomes)))
+}
+
+fn table(outcomes: &[Outcome<'_>]) -> Table {
     let mut table = Table::new(&[
         "scene",
         "tissue [Hz]",
@@ -88,12 +101,10 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<(NamedTable, V
         "jump at a step [mN]",
         "largest force [N]",
     ]);
-    let (mut panels, mut touches): (Vec<Panel>, Vec<Panel>) = (Vec::new(), Vec::new());
-    for (&(case, offline, method, rate), errors) in trials.iter().zip(&errors) {
-        let Some((errors, felt)) = errors else { continue };
+    for ((case, _, method, rate), (errors, _)) in outcomes {
         table.push(vec![
             case.name().into(),
-            Value::Number(rate, 0),
+            Value::Number(*rate, 0),
             method.name().into(),
             Value::Number(100.0 * errors.rms, 2),
             Value::Number(100.0 * errors.largest, 2),
@@ -101,35 +112,34 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<(NamedTable, V
             Value::Number(1e3 * errors.jump, 1),
             Value::Number(errors.force, 3),
         ]);
+    }
+    table
+}
+
+/// The first touches over time, then the errors over the rate of the tissue.
+fn panels(outcomes: &[Outcome<'_>]) -> Vec<Panel> {
+    let (mut touches, mut panels): (Vec<Panel>, Vec<Panel>) = (Vec::new(), Vec::new());
+    for ((case, offline, method, rate), (errors, felt)) in outcomes {
         let touch = matches!(case.purpose, Use::NormalTouch | Use::ObliqueTouch);
-        if touch && rate == DRAWN && method != Method::LocalAtOnce {
-            draw(&case, offline, method, felt, &mut touches);
+        if touch && *rate == DRAWN && *method != Method::LocalAtOnce {
+            draw(case, offline, *method, felt, &mut touches);
         }
         let (what, error) = if touch { ("first 100 ms", errors.touch) } else { ("rms", errors.rms) };
         let title = format!("Error of the force, {what}: {}", case.name());
-        let point = (rate, 100.0 * error);
-        let panel = match panels.iter_mut().position(|panel| panel.title == title) {
-            Some(found) => &mut panels[found],
-            None => {
-                panels.push(Panel {
-                    title,
-                    x: Axis::linear("rate of the tissue [Hz]"),
-                    y: Axis::log("error of the force [%]"),
-                    series: Vec::new(),
-                });
-                let last = panels.len() - 1;
-                &mut panels[last]
-            }
-        };
-        match panel.series.iter_mut().find(|s| s.name == method.name()) {
+        let (x, y) = (Axis::linear("rate of the tissue [Hz]"), Axis::log("error of the force [%]"));
+        let found = panels.iter().position(|panel| panel.title == title).unwrap_or(panels.len());
+        if found == panels.len() {
+            panels.push(Panel { title, x, y, series: Vec::new() });
+        }
+        let point = (*rate, 100.0 * error);
+        let series = &mut panels[found].series;
+        match series.iter_mut().find(|s| s.name == method.name()) {
             Some(series) => series.points.push(point),
-            None => panel.series.push(Series { name: method.name().into(), mark: Mark::Joined, points: vec![point] }),
+            None => series.push(Series { name: method.name().into(), mark: Mark::Joined, points: vec![point] }),
         }
     }
     touches.extend(panels);
-    let panels = touches;
-    let title = "Force against the same scene computed offline at 1 kHz with exact compliance, on the same path".into();
-    Ok((NamedTable { file: "haptics_force", title, table }, panels))
+    touches
 }
 
 /// The path of a world, and its length in milliseconds.

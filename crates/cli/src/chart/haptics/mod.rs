@@ -24,7 +24,7 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
     let mut notes = vec![
         "walls: m = 0.1 kg; friction 0.06 N and an encoder of 30 µm hold up to 2 f/step = 4000 N/m still by themselves".into(),
         "couplings: the virtual device (0.1 kg, 0.2 N s/m, 0.06 N, 30 µm, one tick of delay) presses as the scene's path does \
-         and is at rest where it stays within 0.1 mm of its mean over the last 0.4 s of 1.6 s"
+         and is at rest where it stays within 0.1 mm of an even motion over the last 0.4 s of 1.6 s"
             .into(),
     ];
     if settings.quick {

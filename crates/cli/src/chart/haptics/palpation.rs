@@ -97,7 +97,8 @@ impl<'w> Palpation<'w> {
     /// The step that is due, and the next tick; whether there was a step.
     pub(crate) fn tick(&mut self) -> (TickRecord, bool) {
         let period = self.ticker.period();
-        let time = self.ticks as f64 * period;
+        // Divided by the rate, as a run does it: the last bit of a product would be another.
+        let time = self.ticks as f64 / (1.0 / period);
         let due = time * self.rate >= self.steps as f64 - ROUNDING;
         if due {
             let report = self.simulation.step(self.poses.latest());

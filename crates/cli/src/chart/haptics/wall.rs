@@ -45,7 +45,7 @@ const fn curve(name: &'static str, by: By, delay: usize, real: bool, hand: &'sta
 }
 
 /// Those over the damping of the device.
-const CURVES: &[Curve] = &[
+static CURVES: &[Curve] = &[
     curve("line b = K T/2", By::Theory, 0, false, "none"),
     curve("ideal device, eigenvalues", By::Eigenvalues, 0, false, "none"),
     curve("ideal device, motion", By::Motion, 0, false, "none"),
@@ -59,7 +59,7 @@ const CURVES: &[Curve] = &[
 ];
 
 /// Those over the damping of the wall.
-const DAMPED: &[Curve] = &[
+static DAMPED: &[Curve] = &[
     curve("passive: b = K T/2 + |B|", By::Theory, 0, false, "none"),
     curve("ideal device, eigenvalues", By::Eigenvalues, 0, false, "none"),
     curve("ideal device, motion", By::Motion, 0, false, "none"),
@@ -79,50 +79,68 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<(Vec<NamedTabl
     let cases: Vec<Case> = over_device.chain(over_wall).collect();
     work.expect(cases.len());
     let edges = in_parallel(&cases, work, |case| format!("wall, {}", case.0.name), edge)?;
-    let (first, second) = (CURVES.len() * device.len(), cases.len());
-    let mut tables = Vec::new();
-    let mut panels = Vec::new();
-    for (file, range, axis) in [("haptics_wall", 0..first, 1), ("haptics_wall_damping", first..second, 2)] {
-        let mut table =
-            Table::new(&["curve", "b [N s/m]", "B [N s/m]", "stable up to K [N/m]", "theory [N/m]", "K/theory"]);
-        let mut series: Vec<Series> = Vec::new();
-        for (case, edge) in cases[range.clone()].iter().zip(&edges[range]) {
-            let Some(edge) = edge else { continue };
-            let theory = theory(case);
-            let of_theory = if theory > 0.0 { Value::Number(edge / theory, 3) } else { Value::None };
-            let theory = if theory > 0.0 { Value::Number(theory, 1) } else { Value::None };
-            let name = case.0.name;
-            if case.0.by != By::Theory {
-                let dampings = [Value::Number(case.1, 2), Value::Number(case.2, 2)];
-                let [b, damping] = dampings;
-                table.push(vec![name.into(), b, damping, Value::Number(*edge, 1), theory, of_theory]);
-            }
-            let point = (if axis == 1 { case.1 } else { case.2 }, *edge);
-            match series.iter_mut().find(|s| s.name == name) {
-                Some(s) => s.points.push(point),
-                None => {
-                    let mark = if case.0.by == By::Theory { Mark::Dashed } else { Mark::Joined };
-                    series.push(Series { name: name.into(), mark, points: vec![point] });
-                }
+    let found: Vec<(Case, f64)> = cases.into_iter().zip(edges).filter_map(|(case, edge)| Some((case, edge?))).collect();
+    let is_of = |curves: &[Curve], case: &Case| curves.iter().any(|curve| std::ptr::eq(curve, case.0));
+    let (by_device, by_wall): (Vec<_>, Vec<_>) = found.into_iter().partition(|(case, _)| is_of(CURVES, case));
+    let panels = vec![
+        Panel {
+            title: "Stiffest stable wall, 1 kHz, 0.1 kg".into(),
+            x: Axis::log("damping of the device b [N s/m]"),
+            y: Axis::log("stable up to K [N/m]"),
+            series: series(&by_device, |case| case.1),
+        },
+        Panel {
+            title: "The same with a damper in the wall, b = 1 N s/m".into(),
+            x: Axis::linear("damping of the wall B [N s/m]"),
+            y: Axis::log("stable up to K [N/m]"),
+            series: series(&by_wall, |case| case.2),
+        },
+    ];
+    let named =
+        |file, title: &str, found: &[(Case, f64)]| NamedTable { file, title: title.into(), table: table(found) };
+    let tables = vec![
+        named("haptics_wall", "Stiffest stable wall by the damping of the device, T = 1 ms, 0.1 kg", &by_device),
+        named(
+            "haptics_wall_damping",
+            "Stiffest stable wall by the damping of the wall, b = 1 N s/m; theory is the passive line",
+            &by_wall,
+        ),
+    ];
+    Ok((tables, panels))
+}
+
+fn table(found: &[(Case, f64)]) -> Table {
+    let mut table =
+        Table::new(&["curve", "b [N s/m]", "B [N s/m]", "stable up to K [N/m]", "theory [N/m]", "K/theory"]);
+    for (case, edge) in found.iter().filter(|(case, _)| case.0.by != By::Theory) {
+        let theory = theory(case);
+        let beside = |value: f64, digits| if theory > 0.0 { Value::Number(value, digits) } else { Value::None };
+        table.push(vec![
+            case.0.name.into(),
+            Value::Number(case.1, 2),
+            Value::Number(case.2, 2),
+            Value::Number(*edge, 1),
+            beside(theory, 1),
+            beside(edge / theory, 3),
+        ]);
+    }
+    table
+}
+
+/// One series for each curve, over one of the two dampings.
+fn series(found: &[(Case, f64)], damping: impl Fn(&Case) -> f64) -> Vec<Series> {
+    let mut all: Vec<Series> = Vec::new();
+    for (case, edge) in found {
+        let (name, point) = (case.0.name, (damping(case), *edge));
+        match all.iter_mut().find(|series| series.name == name) {
+            Some(series) => series.points.push(point),
+            None => {
+                let mark = if case.0.by == By::Theory { Mark::Dashed } else { Mark::Joined };
+                all.push(Series { name: name.into(), mark, points: vec![point] });
             }
         }
-        let (title, heading, x) = if axis == 1 {
-            (
-                "Stiffest stable wall, 1 kHz, 0.1 kg",
-                "Stiffest stable wall by the damping of the device, T = 1 ms, 0.1 kg",
-                Axis::log("damping of the device b [N s/m]"),
-            )
-        } else {
-            (
-                "The same with a damper in the wall, b = 1 N s/m",
-                "Stiffest stable wall by the damping of the wall, b = 1 N s/m; theory is the passive line",
-                Axis::linear("damping of the wall B [N s/m]"),
-            )
-        };
-        panels.push(Panel { title: title.into(), x, y: Axis::log("stable up to K [N/m]"), series });
-        tables.push(NamedTable { file, title: heading.into(), table });
     }
-    Ok((tables, panels))
+    all
 }
 
 /// What theory says about a case (N/m): passive without delay, stable to first order with it.

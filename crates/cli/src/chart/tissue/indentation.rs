@@ -10,7 +10,6 @@ use miette::{Result, miette};
 use nalgebra::{Isometry3, Vector3};
 use palpate::fem::block::block;
 use palpate::fem::element::ElementKind;
-use palpate::fem::format;
 use palpate::fem::mesh::TetMesh;
 use palpate::prelude::*;
 use palpate::step::StepStatus;
@@ -24,7 +23,7 @@ pub(crate) const DEPTHS: [f64; 5] = [0.001, 0.002, 0.004, 0.006, 0.008];
 /// Converged forces (N) at [`DEPTHS`].
 pub(crate) const CONVERGED: [f64; 5] = [0.1124, 0.3401, 1.0234, 1.9950, 3.1935];
 
-const SIDE: f64 = 0.10;
+pub(super) const SIDE: f64 = 0.10;
 const HEIGHT: f64 = 0.05;
 const RADIUS: f64 = 0.040;
 
@@ -79,9 +78,9 @@ pub(crate) struct Case {
     pub(crate) element: ElementKind,
     /// Contact at `nodes` or `faces`, as in a scene.
     pub(crate) at: &'static str,
-    cells: usize,
-    layers: usize,
-    grading: f64,
+    pub(super) cells: usize,
+    pub(super) layers: usize,
+    pub(super) grading: f64,
 }
 
 /// What is measured; with `quick`, coarse meshes alone.
@@ -130,8 +129,10 @@ impl Case {
         format!("{cells} x {cells} x {layers}{}", if *grading > 1.0 { ", graded" } else { "" })
     }
 
-    fn world(&self, law: &str, more: &str, rate: f64, mesh: TetMesh) -> Result<World> {
+    fn world(&self, law: &str, [body, contact]: [&str; 2], rate: f64, mesh: TetMesh) -> Result<World> {
         let (at, element) = (self.at, self.element.name());
+        // Without it points on faces change with every step, and the force with them.
+        let hold = at == "faces";
         let text = format!(
             r#"
             name = "indentation"
@@ -147,13 +148,15 @@ impl Case {
             rayleigh_stiffness = 0.005
             material = {{ law = "{law}", young = 10e3, poisson = 0.40 }}
             fixed = [{{ node_set = "z_min" }}]
-            {more}
+            {body}
             [[tool]]
             name = "ball"
             shape = {{ kind = "sphere", radius = {RADIUS} }}
             [contact]
             at = "{at}"
+            hold = {hold}
             friction = 0
+            {contact}
             max_contacts = {MOST_CONTACTS}
             [solver]
             tolerance = 1e-6
@@ -169,7 +172,7 @@ impl Case {
     /// Presses through all depths, each to equilibrium; then once more in real time, to take its time.
     pub(crate) fn press(&self) -> Result<Indentation> {
         let mesh = mesh(self.cells, self.layers, self.grading);
-        let (force, rests) = self.forces("neo_hookean", mesh.clone(), &DEPTHS)?;
+        let (force, rests) = self.forces("neo_hookean", "", mesh.clone(), &DEPTHS)?;
         Ok(Indentation { force, rests, nodes: self.nodes(), time: self.time("neo_hookean")? })
     }
 
@@ -182,18 +185,20 @@ impl Case {
     /// Force (N) of a law at 4 mm on our mesh; `None` where the body does not come to rest.
     pub(crate) fn force(&self, law: &str) -> Result<Option<f64>> {
         let mesh = mesh(self.cells, self.layers, self.grading);
-        let ([force], rests) = self.forces(law, mesh, &[DEPTHS[2]])?;
+        let ([force], rests) = self.forces(law, "", mesh, &[DEPTHS[2]])?;
         Ok((rests && force.is_finite()).then_some(force))
     }
 
-    /// Normal forces (N) of a law on a mesh, one depth after the other, and whether all were at rest.
+    /// Normal forces (N) of a law on a mesh, one depth after the other, and whether all were at rest. `contact` are more lines
+    /// of the scene's `[contact]`.
     pub(crate) fn forces<const N: usize>(
         &self,
         law: &str,
+        contact: &str,
         mesh: TetMesh,
         depths: &[f64; N],
     ) -> Result<([f64; N], bool)> {
-        let world = self.world(law, "compliance = \"exact\"\ntolerance = 1e-8", STATIC_RATE, mesh)?;
+        let world = self.world(law, ["compliance = \"exact\"\ntolerance = 1e-8", contact], STATIC_RATE, mesh)?;
         let mut sim = Simulation::new(&world).map_err(|e| miette!("{e}"))?;
         let mut rests = true;
         let force = depths.map(|depth| {
@@ -207,7 +212,7 @@ impl Case {
     /// Time per step (s) of a law while the sphere goes down to the last depth within half a second and stays there.
     pub(crate) fn time(&self, law: &str) -> Result<Option<f64>> {
         let world =
-            self.world(law, "compliance = \"asynchronous\"", 30.0, mesh(self.cells, self.layers, self.grading))?;
+            self.world(law, ["compliance = \"asynchronous\"", ""], 30.0, mesh(self.cells, self.layers, self.grading))?;
         let sim = Simulation::new(&world).map_err(|e| miette!("{e}"))?;
         let depth = |step: u64| DEPTHS[4] * (2.0 * step as f64 / (GROUPS as u64 * REFRESH) as f64).min(1.0);
         Ok(time_per_step(sim, GROUPS, |step| pose(depth(step))))
@@ -234,33 +239,6 @@ fn equilibrium(sim: &mut Simulation<'_>, depth: f64) -> (f64, bool) {
         before = force;
     }
     (before, false)
-}
-
-/// Forces (N) of an independent code on one mesh with contact at nodes, by law.
-pub(crate) const SAME_MESH: [(&str, [f64; 5]); 5] = [
-    ("neo_hookean", [0.1286, 0.3953, 1.1920, 2.1538, 3.5440]),
-    ("linear", [0.1267, 0.3894, 1.1543, 2.0344, 3.2703]),
-    ("st_venant_kirchhoff", [0.1202, 0.3607, 0.9927, 1.6370, 2.5146]),
-    ("corotational", [0.1251, 0.3811, 1.1094, 1.9347, 3.1002]),
-    ("stable_neo_hookean", [0.1274, 0.3922, 1.1765, 2.1150, 3.4754]),
-];
-
-/// Our forces on that mesh, which lies in the folder of reference data; `None` without it.
-pub(crate) fn on_the_given_mesh(folder: &Path, law: &str) -> Option<Result<[f64; 5]>> {
-    let path = folder.join("indentation/block.vtk");
-    let case = Case { element: ElementKind::Linear, at: "nodes", cells: 12, layers: 6, grading: 1.0 };
-    path.is_file().then(|| {
-        let mut mesh = format::read(&path).map_err(|e| miette!("{e}"))?.mesh;
-        // Our scene names the set of nodes at the base.
-        let low = mesh.nodes.iter().map(|x| x.z).fold(f64::MAX, f64::min);
-        let centre = mesh.bounding_box().centre();
-        let base = (0..mesh.nodes.len() as u32).filter(|&i| mesh.nodes[i as usize].z < low + 1e-9).collect();
-        mesh.node_sets.insert("z_min".into(), base);
-        for x in &mut mesh.nodes {
-            *x += Vector3::new(0.5 * SIDE - centre.x, 0.5 * SIDE - centre.y, -low);
-        }
-        Ok(case.forces(law, mesh, &DEPTHS)?.0)
-    })
 }
 
 /// Two sizes of each element for every law, and one that is finer than all: contact at nodes.

@@ -7,6 +7,7 @@ mod cantilever;
 mod cylinder;
 mod indentation;
 mod reference;
+mod same_mesh;
 
 use std::path::Path;
 
@@ -26,7 +27,7 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
     match &settings.data {
         Some(folder) => {
             tables.push(references(folder, work)?);
-            tables.extend(same_mesh(folder, settings, work)?);
+            tables.extend(same_mesh::tables(folder, settings, work)?);
         }
         None => notes.push("no reference data: other codes' solutions and SOFA's rod were left out (--data)".into()),
     }
@@ -153,31 +154,6 @@ fn rod(settings: &Settings, work: &Work) -> Result<NamedTable> {
         1e3 * cantilever::SOFA
     );
     Ok(NamedTable { file: "tissue_rod", title, table })
-}
-
-/// The sphere on the mesh of the references, contact at its nodes, by law.
-fn same_mesh(folder: &Path, settings: &Settings, work: &Work) -> Result<Option<NamedTable>> {
-    let mut columns = vec!["law".to_string()];
-    columns.extend(indentation::DEPTHS.iter().map(|d| format!("{:.0} mm [N]", 1e3 * d)));
-    columns.extend(indentation::DEPTHS.iter().map(|d| format!("{:.0} mm [%]", 1e3 * d)));
-    let mut table = Table::new(&columns.iter().map(String::as_str).collect::<Vec<_>>());
-    let laws = if settings.quick { &indentation::SAME_MESH[..1] } else { &indentation::SAME_MESH[..] };
-    work.expect(laws.len());
-    for (law, expected) in laws {
-        if !work.next(&format!("sphere on the given mesh: {law}")) {
-            break;
-        }
-        let Some(force) = indentation::on_the_given_mesh(folder, law) else { return Ok(None) };
-        let force = force?;
-        let mut row: Vec<Value> = vec![(*law).into()];
-        row.extend(force.map(|f| Value::Number(f, 4)));
-        row.extend((0..5).map(|k| Value::Number(100.0 * (force[k] / expected[k] - 1.0), 2)));
-        table.push(row);
-    }
-    let title = "The same sphere on the mesh of other engines, contact at its nodes: force, and difference to an \
-                 independent code on that mesh"
-        .into();
-    Ok(Some(NamedTable { file: "tissue_same_mesh", title, table }))
 }
 
 /// The sphere on the block by element, contact and size: five depths against the converged forces.
