@@ -10,10 +10,12 @@
 //! tissue has only turned as a whole. The contact law holds exactly for any symmetric positive `W`; its error is one of
 //! accuracy, never of feasibility.
 
-use nalgebra::{DMatrixView, DMatrixViewMut, Matrix3};
+use nalgebra::{DMatrixViewMut, Matrix3};
 use palpate_fem::factor::{Factor, ReachStatus, ReachWorkspace};
 use palpate_fem::nodal_rows::NodalRows;
 use serde::{Deserialize, Serialize};
+
+pub use crate::compliance_report::{ComplianceReport, judge};
 
 /// How `W` is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -171,19 +173,6 @@ impl<W> ComplianceWorkspace<W> {
     }
 }
 
-/// What the matrix looks like.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ComplianceReport {
-    /// Rows `m`.
-    pub rows: usize,
-    /// Least and greatest diagonal entry [m/N]; both 0 without rows.
-    pub diagonal: [f64; 2],
-    /// `max |W - Wᵀ| / max |W|`.
-    pub asymmetry: f64,
-    /// There was a valid inverse, every entry is finite, and every diagonal entry positive.
-    pub usable: bool,
-}
-
 /// `rows <- H R`: the value `v` at node `k` becomes `R_kᵀ v`, since `(H R)_k = v_kᵀ R_k`.
 ///
 /// Nodes beyond the rotations keep their values.
@@ -287,26 +276,4 @@ fn finish<I>(system: WarpedInverse<'_, I>, dt: f64, found: bool, delta_v: &mut [
         x.copy_from_slice(v.as_slice());
     }
     true
-}
-
-/// What a compliance matrix looks like.
-pub fn judge(w: DMatrixView<'_, f64>) -> ComplianceReport {
-    let rows = w.nrows();
-    let mut report = ComplianceReport { rows, diagonal: [0.0; 2], asymmetry: 0.0, usable: true };
-    if rows == 0 {
-        return report;
-    }
-    let (mut greatest, mut skew) = (0.0f64, 0.0f64);
-    report.diagonal = [f64::INFINITY, f64::NEG_INFINITY];
-    for j in 0..rows {
-        report.diagonal = [report.diagonal[0].min(w[(j, j)]), report.diagonal[1].max(w[(j, j)])];
-        report.usable &= w[(j, j)] > 0.0;
-        for i in 0..rows {
-            report.usable &= w[(i, j)].is_finite();
-            greatest = greatest.max(w[(i, j)].abs());
-            skew = skew.max((w[(i, j)] - w[(j, i)]).abs());
-        }
-    }
-    report.asymmetry = if greatest > 0.0 { skew / greatest } else { 0.0 };
-    report
 }

@@ -2,6 +2,7 @@
 
 pub mod body;
 pub mod compliance;
+mod compliance_report;
 pub mod condensed;
 pub mod frame;
 pub mod law;
