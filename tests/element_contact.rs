@@ -4,7 +4,7 @@
 
 mod quasi_static;
 
-use nalgebra::{Isometry3, Translation3, Vector3};
+use nalgebra::Vector3;
 use palpate::fem::assembly::{FemWorkspace, internal_forces};
 use palpate::fem::element::ElementKind;
 use palpate::fem::sparse::FIXED;

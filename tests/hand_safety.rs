@@ -57,7 +57,7 @@ fn a_coupling_far_too_stiff_is_calmed_counted_and_traced() {
                 let translation = Spring { stiffness: 6000.0, damping: 2.0 };
                 scene.coupling = Some(CouplingConfig { translation, rotation: None });
                 scene.hand.preset = "fingertip".into();
-                let at = |time, z| ScriptKey { time, position: [0.033, 0.037, z], release: false };
+                let at = |time, z| ScriptKey { time, position: [0.033, 0.037, z], ..ScriptKey::default() };
                 scene.hand.path = vec![at(0.0, SKIN + RADIUS + 1e-3), at(0.3, SKIN + RADIUS - 2e-3)];
             })
             .unwrap();
@@ -146,7 +146,7 @@ fn a_tool_at_a_rigid_body_is_felt_by_the_rows_of_the_step_and_by_patches_before_
     );
     let mut scene = Scene::from_toml(&text, Path::new("")).unwrap();
     let touch = SKIN + 0.0205 + RADIUS;
-    let key = |time, z| ScriptKey { time, position: [0.033, 0.037, z], release: false };
+    let key = |time, z| ScriptKey { time, position: [0.033, 0.037, z], ..ScriptKey::default() };
     scene
         .edit(|scene| {
             scene.bodies[0].rayleigh_stiffness = 0.02;
@@ -197,8 +197,14 @@ fn a_session_that_stops_during_ticks_on_a_patch_brings_the_force_down_by_the_sle
                 depth = (depth + 2e-5).min(4e-3);
                 let position = [0.033, 0.037, SKIN + RADIUS - depth];
                 let orientation = [1.0, 0.0, 0.0, 0.0];
-                let report =
-                    port.tick(&PortSample { time_ns: None, position, orientation, velocity: None, buttons: 0 });
+                let report = port.tick(&PortSample {
+                    time_ns: None,
+                    position,
+                    orientation,
+                    velocity: None,
+                    buttons: 0,
+                    gripper: 1.0,
+                });
                 let force = report.wrench.force.norm();
                 // A gap counts as one period.
                 assert!(

@@ -167,6 +167,7 @@ fn a_session_is_cut_while_its_threads_run_and_the_trace_replays_to_the_bit() {
                 orientation: [1.0, 0.0, 0.0, 0.0],
                 velocity: None,
                 buttons: 0,
+                gripper: 1.0,
             };
             port.tick(&sample);
             std::thread::sleep(Duration::from_millis(1));

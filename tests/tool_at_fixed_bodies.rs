@@ -36,7 +36,7 @@ fn at(wall: FixedBodyDescription, path: &[(f64, [f64; 3])], change: impl FnOnce(
         scene.fixed_bodies = vec![wall];
         scene.contact.friction = FRICTION;
         scene.device.kind = "scripted".into();
-        let key = |&(time, position)| ScriptKey { time, position, release: false };
+        let key = |&(time, position)| ScriptKey { time, position, ..ScriptKey::default() };
         scene.hand.path = path.iter().map(key).collect();
         change(scene);
     })
@@ -175,7 +175,7 @@ fn a_wall_beside_pressed_tissue_adds_its_own_force_and_leaves_the_rest() {
             scene.fixed_bodies = wall.into_iter().collect();
             (scene.contact.friction, scene.device.kind) = (0.0, "scripted".into());
             scene.hand.path =
-                path.iter().map(|&(time, position)| ScriptKey { time, position, release: false }).collect();
+                path.iter().map(|&(time, position)| ScriptKey { time, position, ..ScriptKey::default() }).collect();
         });
         let (outcome, recorder) = record(
             &world,

@@ -601,6 +601,7 @@ typedef struct palpate_output {
      Energy that went through the port in the contact that lasts (J); positive: the hand has put it in.
      */
     double energy;
+    /*
      Contact torque about the tool's origin, before limits and fades (N m).
      */
     double contact_torque[3];
@@ -745,7 +746,8 @@ palpate_status palpate_resume(const struct palpate_simulation *simulation);
  The caller answers for this:
  `simulation` is NULL or was created and not destroyed; `change` is NULL or a text closed by a zero.
  */
-palpate_status palpate_change(const struct palpate_simulation *simulation, const char *change);
+palpate_status palpate_change(const struct palpate_simulation *simulation,
+                              const char *change);
 
 /*
  Ends the threads and the trace, and waits for them: at most the time of a step and 0.1 s. The driver may go on

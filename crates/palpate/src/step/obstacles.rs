@@ -55,8 +55,8 @@ impl ObstacleStage {
         self.rows.clear();
         self.blocks.clear();
         let bodies = world.bodies();
-        let motion = before
-            .map_or_else(ToolMotion::none, |before| ToolMotion::of_tool(world.tool(), before, &input.tool));
+        let motion =
+            before.map_or_else(ToolMotion::none, |before| ToolMotion::of_tool(world.tool(), before, &input.tool));
         // It neither moves nor yields, and of its side of a row nothing reaches the tick.
         let still = RigidSide { body: 0, centre: Vector3::zeros(), free: Twist::default() };
         let reach = travel(world.tool(), before, &input.tool);
@@ -72,7 +72,12 @@ impl ObstacleStage {
                 max_contacts: pair.detection.max_contacts.min(self.room),
                 ..pair.detection
             };
-            let seen = meet(Placed { solid: &body.solid, pose: &body.pose }, Placed { solid, pose: &place }, &config, &mut self.contacts);
+            let seen = meet(
+                Placed { solid: &body.solid, pose: &body.pose },
+                Placed { solid, pose: &place },
+                &config,
+                &mut self.contacts,
+            );
             let friction = pair.law.rows() > 1;
             let made = append_solid_rows(&self.contacts, &still, &counterpart, world.dt(), friction, &mut self.rows);
             report.bodies.dropped += (seen.dropped + made.dropped) as u32;

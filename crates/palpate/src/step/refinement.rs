@@ -170,7 +170,7 @@ mod tests {
         let mut snapshot = world.empty_snapshot();
         let (mut refined, mut worst_ratio, mut worst_constant) = (0, 0.0_f64, 0.0_f64);
         for k in 0..40 {
-            let input = StepInput { time: k as f64 * world.dt(), tool: pose(k), factor: &factor };
+            let input = StepInput { time: k as f64 * world.dt(), tool: pose(k).into(), factor: &factor };
             let report = step(&world, &input, &mut state, &mut ws, &mut snapshot);
             if !report.error.refined {
                 continue;
@@ -218,7 +218,7 @@ mod tests {
             let mut snapshot = world.empty_snapshot();
             let mut active = 0;
             for k in 0..12 {
-                let input = StepInput { time: k as f64 * world.dt(), tool: pose(k), factor: &factor };
+                let input = StepInput { time: k as f64 * world.dt(), tool: pose(k).into(), factor: &factor };
                 let report = step(&world, &input, &mut state, &mut ws, &mut snapshot);
                 assert!(!report.error.refined, "step {k}");
                 assert_eq!(ws.problem.view().delta_free, &ws.rows.delta_free[..], "step {k}");

@@ -54,7 +54,11 @@ fn hold(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     if scene.contact.at == ContactKind::Nodes {
         return unused("contacts are at nodes, which stay the same", "set at = \"faces\"");
     }
-    if scene.tools.iter().any(|tool| tool.shape.parts().iter().any(|part| part.shape.axis(&Isometry3::identity()).is_none())) {
+    if scene
+        .tools
+        .iter()
+        .any(|tool| tool.shape.parts().iter().any(|part| part.shape.axis(&Isometry3::identity()).is_none()))
+    {
         return unused("the tool is a hull, whose points are not held", "give the tool a sphere or a capsule");
     }
     Ok(())
