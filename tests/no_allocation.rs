@@ -346,7 +346,7 @@ fn a_grasper_that_closes_lifts_and_lets_go_allocates_nothing() {
     let mut scene = palpate::scene::Scene::bundled("grasp").unwrap();
     let again = |scene: &mut palpate::scene::SceneDescription| {
         let once = scene.hand.path.clone();
-        scene.hand.path.extend(once.iter().map(|key| ScriptKey { time: 2.7 + key.time, ..*key }));
+        scene.hand.path.extend(once.iter().map(|key| ScriptKey { time: 2.9 + key.time, ..*key }));
     };
     scene.edit(again).unwrap();
     let world = scene.build().unwrap();
@@ -372,8 +372,8 @@ fn a_grasper_that_closes_lifts_and_lets_go_allocates_nothing() {
                 squeezed += usize::from(ticker.tick(time, 1e-3).gripper.torque > 0.0);
             }
         };
-        beat(0, 2700);
-        let seen = violations(|| beat(2700, 5400));
+        beat(0, 2900);
+        let seen = violations(|| beat(2900, 5800));
         assert_eq!(seen, 0);
         assert!(squeezed > 2000 && most > 20, "{squeezed} ticks with a force, {most} contacts");
     });

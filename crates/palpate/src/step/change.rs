@@ -129,6 +129,8 @@ fn begin(world: &World, change: &Change, state: &mut StepState, ws: &mut StepWor
     state.remember();
     ws.trial.memory.resize(change.memory().len(), Default::default());
     ws.trial.q.copy_from_slice(&state.fem.q);
+    // Learned of another body: nodes that are held from now on would begin where they were driven.
+    state.prediction.forget();
     state.warm_start.renumber(|feature| change.feature(feature));
     // Points of a skin that is not there any more.
     state.contacts.held.clear();

@@ -107,6 +107,6 @@ record! {
         /// The greater of the two relative errors that the rung below would have had; NaN where it was not measured.
         36 => lower_error: f64, "";
         /// Angle between the tool's jaws that the step used (rad); 0 for a tool without.
-        40 => tool_opening: f64, "rad";
+        37 => tool_opening: f64, "rad";
     }
 }

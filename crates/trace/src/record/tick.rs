@@ -99,14 +99,14 @@ record! {
         /// has put it in.
         22 => energy: f64, "J";
         /// How far the device's gripper is open: 0 closed, 1 open.
-        40 => device_gripper: f64, "";
+        23 => device_gripper: f64, "";
         /// Angle between the tool's jaws behind the coupling (rad); 0 for a tool without.
-        41 => tool_opening: f64, "rad";
+        24 => tool_opening: f64, "rad";
         /// Torque on the opening sent to the device, after all limits; positive opens (N m).
-        42 => gripper_torque: f64, "N m";
+        25 => gripper_torque: f64, "N m";
         /// The same before limits and fading (N m).
-        43 => gripper_torque_unlimited: f64, "N m";
+        26 => gripper_torque_unlimited: f64, "N m";
         /// Torque before limits and fading, about the tool's origin (N m).
-        44 => torque_unlimited: [f64; 3], "N m";
+        27 => torque_unlimited: [f64; 3], "N m";
     }
 }
