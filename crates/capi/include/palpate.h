@@ -734,7 +734,7 @@ palpate_status palpate_pause(const struct palpate_simulation *simulation);
 palpate_status palpate_resume(const struct palpate_simulation *simulation);
 
 /*
- Changes the body while it runs: nodes released or held, elements removed. `change` is TOML with the keys of an [[event]]
+ Changes the body while it runs: nodes released or held, elements removed. `change` is TOML with the keys of an event of a scene
  without `time`, such as "remove = { ball = { center = [0.02, 0.02, 0.04], radius = 0.005 } }" or
  "hold = { node_set = \"x_min\" }". The scene's body must have room: `changes = 8` for eight changes in one run.
 

@@ -19,7 +19,7 @@ pub(crate) struct ChartArguments {
     /// Folder for NAME.svg and the tables; made where it is missing. Files of an earlier chart are overwritten.
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     pub(crate) out: PathBuf,
-    /// Folder of reference data (`fem/*.json`, `pdms/cylinder.vtk`, `../lcp/*/*.dat`); by default ../shared/reference where it exists.
+    /// Folder of reference data (`fem/*.json`, `pdms/cylinder.vtk`, `../lcp/*/*.dat`); by default `reference` in the folder that PALPATE_SHARED names; without either nothing is compared.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) data: Option<PathBuf>,
     /// Only the smallest problems.

@@ -9,8 +9,8 @@ use crate::chart::{Chart, Settings, Work, compliance, haptics, plot, solvers, ti
 use crate::exit;
 use crate::output::{check_writable, make_folder, say};
 
-/// Where reference data lie unless the command line names a folder; measured without them where they do not.
-const REFERENCE: &str = "../shared/reference";
+/// Names the folder whose `reference` is taken unless the command line names one; without either nothing is compared.
+const SHARED: &str = "PALPATE_SHARED";
 
 pub(crate) fn chart(arguments: &ChartArguments) -> Result<u8> {
     let name = arguments.chart.name();
@@ -48,7 +48,10 @@ fn data(arguments: &ChartArguments) -> Result<Option<std::path::PathBuf>> {
             folder.display()
         )),
         Some(folder) => Ok(Some(folder.clone())),
-        None => Ok(Some(Path::new(REFERENCE).to_path_buf()).filter(|folder| folder.is_dir())),
+        None => {
+            let shared = std::env::var_os(SHARED).map(|shared| Path::new(&shared).join("reference"));
+            Ok(shared.filter(|folder| folder.is_dir()))
+        }
     }
 }
 
