@@ -137,7 +137,7 @@ fn numbers_of_passivity_and_limits_out_of_their_range_are_refused_by_name() {
 
 /// A free ball on the block; the tool comes down on it and pushes it into the tissue, and leaves.
 #[test]
-fn a_tool_at_a_rigid_body_is_felt_by_the_rows_of_the_step_and_by_patches_before_and_after() {
+fn a_tool_at_a_rigid_body_is_felt_on_patches_that_have_its_contacts() {
     let text = format!(
         "{}\n[[rigid_body]]\nname = \"egg\"\nshape = {{ kind = \"sphere\", radius = 0.01 }}\nmass = 0.05\n\
          position = [0.033, 0.037, {}]\n",
@@ -159,9 +159,9 @@ fn a_tool_at_a_rigid_body_is_felt_by_the_rows_of_the_step_and_by_patches_before_
     let s = &outcome.summary;
     println!("{} of {} steps frozen, up to {:.2} N; {:?}", s.frozen_at_rigid, s.steps, s.largest_force, s.port);
     assert_eq!(s.end, RunEnd::Completed);
-    assert!(s.frozen_at_rigid > 5 && s.frozen_at_rigid < s.steps, "{} of {}", s.frozen_at_rigid, s.steps);
-    let frozen = |t: &&palpate::tick::TickReport| t.record.active > 0 && !t.record.flags.contains(TickFlags::LOCAL);
-    let felt: Vec<_> = recorder.ticks.iter().filter(frozen).collect();
+    assert_eq!(s.frozen_at_rigid, 0);
+    let touched = |t: &&palpate::tick::TickReport| t.record.active > 0 && t.record.flags.contains(TickFlags::LOCAL);
+    let felt: Vec<_> = recorder.ticks.iter().filter(touched).collect();
     assert!(felt.len() > 200, "{}", felt.len());
     assert!(felt.iter().any(|t| t.record.wrench.force.z > 0.1), "it is felt");
     assert!(recorder.forces().iter().all(|f| f.iter().all(|x| x.is_finite()) && f.norm() <= block::MAX_FORCE));

@@ -330,7 +330,7 @@ fn steps_with_fixed_and_rigid_bodies_allocate_nothing_either() {
                     let report = simulation.step(&pose(k));
                     assert_eq!(report.status, StepStatus::Advanced);
                     (touching, most) = (touching + report.active, most.max(report.bodies.active));
-                    at_wall += usize::from(report.frozen_at_rigid);
+                    at_wall += usize::from(report.bodies.handed_over > 0);
                 }
             };
             fall();

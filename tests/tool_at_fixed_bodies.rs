@@ -187,7 +187,7 @@ fn a_wall_beside_pressed_tissue_adds_its_own_force_and_leaves_the_rest() {
     let (alone, _) = press(None, 0.0);
     let (both, summary) = press(Some(wall), aside);
     println!("skin alone {alone:?} N, with the wall {both:?} N; {} steps frozen", summary.frozen_at_rigid);
-    assert!(alone.z > 0.1 && summary.frozen_at_rigid > 20);
+    assert!(alone.z > 0.1 && summary.frozen_at_rigid == 0, "the patch has both");
     // The tissue's own side force stays on the tool: the wall's is the difference. Rows of the step and of the patch differ
     // by a percent at this depth (`hand_over.rs`).
     assert!((both.z - alone.z).abs() < 0.02 * alone.z, "{both:?} {alone:?}");

@@ -60,7 +60,7 @@ fn local_tick_of(world: &World, contacts: usize) -> Tick {
     let mut detection = *world.detection();
     detection.max_contacts = contacts;
     let (tool, max_nodes, hand_over) = (world.tool().clone(), world.patch_nodes(), world.description().tick.hand_over);
-    let patch = PatchTickConfig { tool, detection, max_nodes, hand_over };
+    let patch = PatchTickConfig { tool, detection, max_nodes, max_bodies: world.body_contacts(), hand_over };
     tick_of(world).on_patches(patch).expect("the bundled scene's patch is valid")
 }
 

@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let ball = Ball::at_faces(5e-3);
     let (tool, detection, hand_over) = (ball.shape.clone().into(), ball.detection, PatchTickConfig::HAND_OVER);
-    let on_patches = PatchTickConfig { tool, detection, max_nodes: 40, hand_over };
+    let on_patches = PatchTickConfig { tool, detection, max_nodes: 40, max_bodies: 0, hand_over };
     run("frozen rows", None, fill)?;
     // Steps make patches with what memory they like; the tick takes copies.
     let patches: Vec<_> = (0..6)

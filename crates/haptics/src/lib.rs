@@ -6,6 +6,7 @@
 
 #![cfg_attr(rtsan, feature(sanitize))]
 
+pub mod body_contact;
 pub mod coupling;
 pub mod device;
 pub mod error;

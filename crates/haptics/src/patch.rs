@@ -7,12 +7,17 @@
 //! `force` is f of the tool as the step found it. `q_free` is where that leaves the nodes: the step's end less C f, so that the patch is
 //! tangent to the step's own answer, whatever method and however old a factor gave C.
 //!
-//! Rows of the scene that do not touch the tool are no part of a patch: their forces are in `q_free`, and those that are
+//! Beside the skin a patch has contacts of fixed and rigid bodies ([`BodyContact`](crate::body_contact::BodyContact)). C is over
+//! their coordinates u, three each, and then over the nodes; f has their forces, in the same order.
+//!
+//! Other rows of the scene that do not touch the tool are no part of a patch: their forces are in `q_free`, and those that are
 //! closed are condensed into C ([`palpate_constraints::condensed`]).
 
 use nalgebra::Vector3;
 use palpate_collision::SkinPatch;
 use palpate_constraints::law::{Law, Signorini};
+
+use crate::body_contact::BodyContacts;
 
 /// Skin and compliance around a tool.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,24 +28,36 @@ pub struct HapticPatch {
     pub law: Law,
     /// Triangles near the tool that found no room.
     pub left_out: u32,
+    /// Contacts of fixed and rigid bodies.
+    pub bodies: BodyContacts,
     skin: SkinPatch,
     q_free: Vec<Vector3<f64>>,
+    q_end: Vec<Vector3<f64>>,
     force: Vec<Vector3<f64>>,
     compliance: Vec<f64>,
 }
 
 impl HapticPatch {
-    /// An empty patch, not valid, with room for `max_nodes` nodes.
+    /// An empty patch, not valid, with room for `max_nodes` nodes and no contacts of bodies.
     #[must_use]
     pub fn new(max_nodes: usize) -> Self {
+        Self::with_bodies(max_nodes, 0)
+    }
+
+    /// The same with room for so many contacts of fixed and rigid bodies.
+    #[must_use]
+    pub fn with_bodies(max_nodes: usize, max_bodies: usize) -> Self {
+        let size = 3 * (max_nodes + max_bodies);
         Self {
             valid: false,
             law: Signorini.into(),
             left_out: 0,
             skin: SkinPatch::new(max_nodes),
             q_free: vec![Vector3::zeros(); max_nodes],
+            q_end: vec![Vector3::zeros(); max_nodes],
             force: vec![Vector3::zeros(); max_nodes],
-            compliance: vec![0.0; 9 * max_nodes * max_nodes],
+            compliance: vec![0.0; size * size],
+            bodies: BodyContacts::new(max_bodies),
         }
     }
 
@@ -53,6 +70,7 @@ impl HapticPatch {
     /// Takes everything out and marks the patch as not valid.
     pub fn clear(&mut self) {
         self.skin.clear();
+        self.bodies.clear();
         (self.valid, self.law, self.left_out) = (false, Signorini.into(), 0);
     }
 
@@ -85,10 +103,16 @@ impl HapticPatch {
         &self.q_free[..self.len()]
     }
 
-    /// The same, to be filled.
+    /// The same, to be filled; [`HapticPatch::relieve`] begins with the step's end in it.
     pub fn q_free_mut(&mut self) -> &mut [Vector3<f64>] {
         let nodes = self.len();
         &mut self.q_free[..nodes]
+    }
+
+    /// Where the step left the nodes \[m\]: `q_free + C force`, one a node.
+    #[must_use]
+    pub fn q_end(&self) -> &[Vector3<f64>] {
+        &self.q_end[..self.len()]
     }
 
     /// Nodal contact forces of the step \[N\], one a node.
@@ -103,13 +127,19 @@ impl HapticPatch {
         &mut self.force[..nodes]
     }
 
-    /// Degrees of freedom of the nodes that can move: the size of C.
+    /// Coordinates of the contacts of bodies that yield, and of the nodes that can move: the size of C.
     #[must_use]
     pub fn degrees_of_freedom(&self) -> usize {
-        3 * self.skin.movable().min(self.len())
+        3 * (self.bodies.yielding() + self.skin.movable().min(self.len()))
     }
 
-    /// C \[m/N\] over the nodes that can move, by columns, without padding; symmetric.
+    /// Contacts of bodies that yield, and nodes: the places that forces act at.
+    #[must_use]
+    pub fn places(&self) -> usize {
+        self.bodies.yielding() + self.len()
+    }
+
+    /// C \[m/N\] over the contacts of bodies that yield and the nodes that can move, by columns, without padding; symmetric.
     #[must_use]
     pub fn compliance(&self) -> &[f64] {
         let n = self.degrees_of_freedom();
@@ -122,7 +152,7 @@ impl HapticPatch {
         &mut self.compliance[..n * n]
     }
 
-    /// `moved = C f` \[m\] for nodal forces \[N\]; nodes without force cost nothing.
+    /// `moved = C f` \[m\] for forces at all places \[N\]; those without force cost nothing.
     pub fn yielding(&self, force: &[Vector3<f64>], moved: &mut [Vector3<f64>]) {
         moved.fill(Vector3::zeros());
         let n = self.degrees_of_freedom();
@@ -144,17 +174,27 @@ impl HapticPatch {
         }
     }
 
-    /// `q_free -= C f`: from the shape under the patch's own forces to that without.
+    /// `q_free -= C f`: from the step's end, the shape under the patch's own forces, to that without.
     pub fn relieve(&mut self) {
-        let n = self.degrees_of_freedom();
-        for (k, f) in self.force.iter().enumerate().take(n / 3) {
-            if *f == Vector3::zeros() {
+        let (n, nodes) = (self.degrees_of_freedom(), self.len());
+        self.q_end[..nodes].copy_from_slice(&self.q_free[..nodes]);
+        let yielding = self.bodies.yielding();
+        for k in 0..n / 3 {
+            let f = match self.bodies.all().get(k).filter(|_| k < yielding) {
+                Some(body) => body.force,
+                None => self.force[k - yielding],
+            };
+            if f == Vector3::zeros() {
                 continue;
             }
             for (c, f) in f.iter().enumerate() {
                 let column = &self.compliance[(3 * k + c) * n..(3 * k + c + 1) * n];
-                for (q, w) in self.q_free.iter_mut().zip(column.chunks_exact(3)) {
+                let (of_bodies, of_nodes) = column.split_at(3 * yielding);
+                for (q, w) in self.q_free.iter_mut().zip(of_nodes.chunks_exact(3)) {
                     *q -= Vector3::new(w[0], w[1], w[2]) * *f;
+                }
+                for (body, w) in self.bodies.all_mut().iter_mut().zip(of_bodies.chunks_exact(3)) {
+                    body.free -= Vector3::new(w[0], w[1], w[2]) * *f;
                 }
             }
         }
@@ -163,12 +203,16 @@ impl HapticPatch {
     /// Makes this a copy of `other` without allocating. Returns false, and is left cleared, if `other` does not fit.
     pub fn copy_from(&mut self, other: &Self) -> bool {
         self.clear();
-        if other.len() > self.max_nodes() || !self.skin.copy_from(&other.skin) {
+        if other.len() > self.max_nodes() || !self.skin.copy_from(&other.skin) || !self.bodies.copy_from(&other.bodies)
+        {
+            self.clear();
             return false;
         }
         (self.valid, self.law, self.left_out) = (other.valid, other.law, other.left_out);
         self.q_free_mut().copy_from_slice(other.q_free());
         self.force_mut().copy_from_slice(other.force());
+        let nodes = self.len();
+        self.q_end[..nodes].copy_from_slice(other.q_end());
         self.compliance_mut().copy_from_slice(other.compliance());
         true
     }

@@ -84,6 +84,12 @@ impl HapticSnapshot {
     /// An empty snapshot, not valid, with room for `max_contacts` contacts of three rows and a patch of `max_nodes` nodes.
     #[must_use]
     pub fn with_patch(max_contacts: usize, max_nodes: usize) -> Self {
+        Self::with_bodies(max_contacts, max_nodes, 0)
+    }
+
+    /// The same with a patch that has room for so many contacts of fixed and rigid bodies.
+    #[must_use]
+    pub fn with_bodies(max_contacts: usize, max_nodes: usize, max_bodies: usize) -> Self {
         let rows = ROWS_PER_CONTACT * max_contacts;
         let no_block = Block { start: 0, law: palpate_constraints::law::Signorini.into() };
         Self {
@@ -96,7 +102,7 @@ impl HapticSnapshot {
             factor_epoch: 0,
             factor_age: 0.0,
             dropped: 0,
-            patch: HapticPatch::new(max_nodes),
+            patch: HapticPatch::with_bodies(max_nodes, max_bodies),
             contacts: 0,
             rows: 0,
             blocks: vec![no_block; max_contacts],

@@ -33,7 +33,8 @@ impl Rig {
         let spec = DeviceSpec { max_force: MAX_FORCE, ..DeviceSpec::virtual_device(0.0) };
         let ball = Ball::at_nodes(RADIUS);
         let (tool, detection) = (ball.shape.clone().into(), ball.detection);
-        let patch = PatchTickConfig { tool, detection, max_nodes: 40, hand_over: PatchTickConfig::HAND_OVER };
+        let patch =
+            PatchTickConfig { tool, detection, max_nodes: 40, max_bodies: 0, hand_over: PatchTickConfig::HAND_OVER };
         let tick = Tick::new(&TickConfig::for_device(&spec), &spec).and_then(|tick| tick.on_patches(patch)).unwrap();
         let (state, ws) = (tick.state(40), tick.workspace(40));
         let snapshot = HapticSnapshot::with_patch(40, 40);

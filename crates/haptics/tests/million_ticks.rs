@@ -100,6 +100,7 @@ fn a_million_ticks_on_patches_with_faults_allocate_nothing() {
         tool: ball.shape.clone().into(),
         detection: ball.detection,
         max_nodes: NODES,
+        max_bodies: 0,
         hand_over: PatchTickConfig::HAND_OVER,
     };
     let config = TickConfig { tolerance: 1e-3, ..TickConfig::for_device(device.spec()) };

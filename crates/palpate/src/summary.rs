@@ -259,7 +259,8 @@ pub struct RunSummary {
     pub beyond_patch: u64,
     /// Steps whose patch had no room for all of the skin near the tool.
     pub patches_full: u64,
-    /// Steps that handed frozen rows to the tick in place of a patch since the tool was at a rigid or fixed body.
+    /// Steps that handed frozen rows to the tick in place of a patch since those of its contacts with rigid and fixed bodies
+    /// found no room in one.
     pub frozen_at_rigid: u64,
     /// Impulse of the contact forces over the run (N s): what the steps put on the tissue, and what the ticks found, before
     /// limits and fades.

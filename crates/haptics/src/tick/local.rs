@@ -43,7 +43,10 @@ impl TickWorkspace {
 
     /// The same, for snapshots that carry a patch too.
     pub(super) fn with_patch(max_contacts: usize, config: &PatchTickConfig) -> Self {
-        Self { patch: Some(PatchWorkspace::new(config)), ..Self::new(max_contacts.max(config.detection.max_contacts)) }
+        Self {
+            patch: Some(PatchWorkspace::new(config)),
+            ..Self::new(max_contacts.max(config.detection.max_contacts + config.max_bodies))
+        }
     }
 
     /// Lets W be made anew.

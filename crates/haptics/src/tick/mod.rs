@@ -100,7 +100,9 @@ impl Tick {
     /// of the nodes that it was given.
     #[must_use]
     pub fn state(&self, max_contacts: usize) -> TickState {
-        let memory = |config: &PatchTickConfig| PatchMemory::new(config.max_nodes, config.detection.max_contacts);
+        let memory = |config: &PatchTickConfig| {
+            PatchMemory::new(config.max_nodes, config.detection.max_contacts, config.max_bodies)
+        };
         TickState { patch: self.patch.as_ref().map(memory), ..TickState::new(max_contacts) }
     }
 

@@ -80,6 +80,7 @@ impl Sheet {
             }
         }
         let friction = self.friction;
+        patch.relieve();
         patch.law = if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() };
         (patch.valid, patch.left_out) = (true, report.left_out as u32);
         (snapshot.step, snapshot.dt, snapshot.valid, snapshot.tool_pose) = (step, 1.0 / 30.0, true, *pose);
@@ -132,8 +133,13 @@ impl Bench {
         (config.tolerance, config.sweeps) = (1e-9, 200);
         config.coupling.translation.stiffness = STIFFNESS;
         change(&mut config);
-        let patch =
-            PatchTickConfig { tool: ball.shape.clone().into(), detection: ball.detection, max_nodes: 40, hand_over };
+        let patch = PatchTickConfig {
+            tool: ball.shape.clone().into(),
+            detection: ball.detection,
+            max_nodes: 40,
+            max_bodies: 4,
+            hand_over,
+        };
         let tick = Tick::new(&config, &spec).and_then(|tick| tick.on_patches(patch)).expect("valid configuration");
         let contacts = ball.detection.max_contacts;
         Self { state: tick.state(contacts), ws: tick.workspace(contacts), tick, index: 0 }

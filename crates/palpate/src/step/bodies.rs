@@ -62,6 +62,10 @@ pub struct BodiesReport {
     pub active: u32,
     /// Contacts that found no room.
     pub dropped: u32,
+    /// Contacts of bodies that the tick solves with those of the skin.
+    pub handed_over: u32,
+    /// Contacts for which there was no room among them: the tick does without.
+    pub left_to_step: u32,
     /// Numbers that are not finite, in poses or surfaces.
     pub non_finite: u32,
     /// Least gap at the begin of the step (m); infinite without contacts.
@@ -72,8 +76,16 @@ pub struct BodiesReport {
 
 impl BodiesReport {
     /// No contact.
-    pub const NONE: Self =
-        Self { contacts: 0, active: 0, dropped: 0, non_finite: 0, deepest_gap: f64::INFINITY, digest: 0 };
+    pub const NONE: Self = Self {
+        contacts: 0,
+        active: 0,
+        dropped: 0,
+        handed_over: 0,
+        left_to_step: 0,
+        non_finite: 0,
+        deepest_gap: f64::INFINITY,
+        digest: 0,
+    };
 }
 
 /// What the contacts of one pair of bodies did in the last step.
@@ -104,7 +116,7 @@ pub(super) fn pair_force(ws: &StepWorkspace, k: usize) -> Option<PairForce> {
 }
 
 /// Shape and place of a body that is not soft; for the tool its pose of the step's end.
-fn placed<'a>(
+pub(super) fn placed<'a>(
     world: &'a World,
     rigid: &[RigidState],
     far: Far,
@@ -221,6 +233,26 @@ pub(super) fn tool_block(world: &World, state: &StepState, ws: &StepWorkspace, b
     let contact = ws.rows.blocks.get(block)?.contact as usize;
     let PairContacts::Solids(contacts) = &state.pairs.get(pair)?.contacts else { return None };
     Some((world.bodies().pairs.get(pair)?.law, identity(contacts.get(contact)?.feature, pair)))
+}
+
+/// Block of the contact of pair `k` on this feature, and its force (N) on what its normal points to, in the world; none
+/// without force.
+pub(super) fn force_of(state: &StepState, ws: &StepWorkspace, k: usize, feature: u64) -> Option<(usize, Vector3<f64>)> {
+    let contacts = &state.pairs.get(k)?.contacts;
+    let is_of = |contact: u32| match contacts {
+        PairContacts::Tissue(set) => set.contacts.get(contact as usize).is_some_and(|c| c.feature == feature),
+        PairContacts::Solids(contacts) => contacts.get(contact as usize).is_some_and(|c| c.feature == feature),
+    };
+    let block = ws.rigid.blocks.get(k)?.clone().find(|&b| ws.rows.blocks.get(b).is_some_and(|b| is_of(b.contact)))?;
+    let force = ws.lambda.get(ws.rows.blocks.get(block)?.range()).filter(|force| force[0] > 0.0)?;
+    Some((block, ws.rows.frames.get(block)?.to_world(force)))
+}
+
+/// Notes the side from which the tissue came to the other body of pair `k`.
+pub(super) fn recall_sides(state: &StepState, k: usize, set: &mut ContactSet) {
+    if let Some(PairContacts::Tissue(known)) = state.pairs.get(k).map(|pair| &pair.contacts) {
+        set.side = known.side;
+    }
 }
 
 /// The jaw of the tool that a block on a rigid body is of.

@@ -83,7 +83,13 @@ fn gripper_rows(world: &World, tool: &ToolPose, ws: &StepWorkspace, snapshot: &m
     for k in 0..snapshot.contacts() {
         let (block, feature) = (snapshot.blocks()[k], snapshot.features()[k]);
         let on_rigid = (ws.rigid.skin_blocks..ws.rigid.tool_blocks).contains(&k);
-        let jaw = if on_rigid { tool_jaw(world, ws, k) } else { jaw_of(feature) };
+        // Walls come last.
+        let walls = snapshot.contacts() - ws.obstacles.rows.blocks.len().min(snapshot.contacts());
+        let jaw = match k.checked_sub(walls) {
+            Some(k) => ws.obstacles.jaw(k),
+            None if on_rigid => tool_jaw(world, ws, k),
+            None => jaw_of(feature),
+        };
         for row in block.start..block.start + block.law.rows() {
             let Some([fx, fy, fz, tx, ty, tz]) = snapshot.tool_rows().get(row).copied() else { continue };
             let (force, torque) = (Vector3::new(fx, fy, fz), Vector3::new(tx, ty, tz));

@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 use palpate_collision::ToolPose;
 use palpate_collision::detection::DetectionConfig;
 use palpate_collision::solid_contact::{Placed, SolidContact, meet};
+use palpate_collision::tool::Jaw;
 use palpate_constraints::law::Law;
 use palpate_constraints::rows::{ContactRows, Counterpart, RigidSide, ToolMotion, Twist, append_solid_rows};
 
@@ -24,8 +25,8 @@ pub(super) struct ObstacleStage {
     room: usize,
     contacts: Vec<SolidContact>,
     pub(super) rows: ContactRows,
-    /// Law and identity of each block.
-    blocks: Vec<(Law, u64)>,
+    /// Law, identity and jaw of each block.
+    blocks: Vec<(Law, u64, Option<Jaw>)>,
 }
 
 impl ObstacleStage {
@@ -41,7 +42,12 @@ impl ObstacleStage {
 
     /// Law and identity of block `k`, as the tick knows contacts.
     pub(super) fn block(&self, k: usize) -> Option<(Law, u64)> {
-        self.blocks.get(k).copied()
+        self.blocks.get(k).map(|&(law, feature, _)| (law, feature))
+    }
+
+    /// The jaw of the tool that block `k` is of.
+    pub(super) fn jaw(&self, k: usize) -> Option<Jaw> {
+        self.blocks.get(k)?.2
     }
 
     /// Finds what is near the tool. `before` is its pose in the step before.
@@ -85,7 +91,7 @@ impl ObstacleStage {
             let fresh = self.rows.blocks.iter().skip(self.blocks.len());
             let features = fresh.filter_map(|block| self.contacts.get(block.contact as usize)).map(|c| c.feature);
             // Rigid bodies that the tool touches have the numbers of their pairs.
-            self.blocks.extend(features.map(|feature| (pair.law, identity(feature, bodies.pairs.len() + k))));
+            self.blocks.extend(features.map(|feature| (pair.law, identity(feature, bodies.pairs.len() + k), jaw)));
         }
     }
 }

@@ -5,7 +5,8 @@
 //! force are held ([`condense`]): all of a contact that sticks, the normal of one that slides. Its free shape is the step's
 //! without the forces of the tool, and with those of the others.
 //!
-//! A patch has skin alone. While the tool is at a rigid or fixed body too, the tick has the step's rows, which know both.
+//! Contacts of the tool with fixed and rigid bodies, and of tissue and rigid bodies with fixed ones, are a part of the patch
+//! ([`body_contacts`](super::body_contacts)). While the tool's have no room, the tick has the step's rows.
 
 use nalgebra::{DMatrixViewMut, Vector3};
 use palpate_collision::tool::Tool;
@@ -15,6 +16,7 @@ use palpate_constraints::rows::{ContactRows, ToolRow};
 use palpate_fem::sparse::FIXED;
 use palpate_haptics::patch::HapticPatch;
 
+use super::body_contacts::{BodyContactStage, push_bodies};
 use super::stages;
 use super::{StepInput, StepReport, StepState, StepWorkspace};
 use crate::world::World;
@@ -28,6 +30,7 @@ const START: f64 = 4e-3;
 /// Memory for patches, sized at set-up.
 pub(super) struct PatchStage {
     gathering: PatchGathering,
+    bodies: BodyContactStage,
     /// Three rows for each node that can move, then the rows that are held.
     rows: ContactRows,
     /// Their compliance, where some are held.
@@ -36,11 +39,12 @@ pub(super) struct PatchStage {
 }
 
 impl PatchStage {
-    /// Memory for patches of `nodes` nodes, and as many rows in all as compliance has memory for.
-    pub(super) fn new(world: &World, nodes: usize, max_rows: usize) -> Self {
+    /// Memory for patches of so many nodes and contacts of bodies that yield, and as many rows in all as compliance has memory for.
+    pub(super) fn new(world: &World, places: usize, max_rows: usize) -> Self {
         Self {
+            bodies: BodyContactStage::new(world),
             gathering: PatchGathering::new(world.geometry()),
-            rows: ContactRows::with_capacity(max_rows.max(3 * nodes).div_ceil(3)),
+            rows: ContactRows::with_capacity(max_rows.max(3 * places).div_ceil(3)),
             w: Vec::with_capacity(max_rows * max_rows),
             max_rows,
         }
@@ -64,15 +68,17 @@ pub(super) fn fill(
     patch: &mut HapticPatch,
 ) {
     patch.clear();
-    report.frozen_at_rigid = ws.rigid.tool_blocks > ws.rigid.skin_blocks || !ws.obstacles.rows.is_empty();
-    if report.frozen_at_rigid {
-        return;
-    }
     let Some(mut stage) = ws.patch.take() else { return };
     patch.law = world.description().contact.contact_law();
     report.patch = gather(world, input, before, state, ws, &mut stage, patch);
     patch.left_out = report.patch.left_out as u32;
-    patch.valid = patch.skin().movable() == 0 || compliance(world, input, ws, &mut stage, report, patch);
+    let reach = travel(world.tool(), before, &input.tool);
+    report.frozen_at_rigid = !stage.bodies.find(world, input, (reach, !patch.is_empty()), state, ws, report)
+        || !push_bodies(world, input, ws, &stage.bodies, patch);
+    if !report.frozen_at_rigid {
+        report.bodies.handed_over = patch.bodies.all().len() as u32;
+        patch.valid = patch.degrees_of_freedom() == 0 || compliance(world, input, ws, &mut stage, report, patch);
+    }
     if patch.valid {
         shape(world, state, ws, patch);
     }
@@ -112,6 +118,20 @@ fn compliance(
     let free = world.model().free_of_node();
     let (rows, n) = (&mut stage.rows, patch.degrees_of_freedom());
     rows.clear();
+    let bodies = &stage.bodies;
+    for block in bodies.blocks() {
+        for r in block.range() {
+            rows.tissue.push_row(bodies.rows.tissue.row(r));
+            rows.rigid.push_row(bodies.rows.rigid.row(r).iter().copied());
+            push_nothing(rows);
+        }
+        // A contact has three coordinates in C; without friction nothing acts along two.
+        for _ in block.range().len()..3 {
+            rows.tissue.push_row([]);
+            rows.rigid.push_row([]);
+            push_nothing(rows);
+        }
+    }
     for &node in &patch.skin().nodes()[..patch.skin().movable()] {
         for k in 0..3 {
             rows.tissue.push_row([(free[node as usize], Vector3::ith(k, 1.0))]);
@@ -122,7 +142,9 @@ fn compliance(
     // Rows that are closed and do not touch the tool.
     let laws = ws.problem.view().blocks;
     for (k, block) in ws.rows.blocks.iter().enumerate().skip(ws.rigid.tool_blocks) {
-        let Some(force) = ws.lambda.get(block.range()).filter(|force| force[0] > 0.0) else { continue };
+        let Some(force) = ws.lambda.get(block.range()).filter(|force| force[0] > 0.0 && !bodies.keeps(k)) else {
+            continue;
+        };
         let force = Vector3::from_fn(|i, _| force.get(i).copied().unwrap_or(0.0));
         let sticks = laws.get(k).is_none_or(|block| block.law.sticks(&force));
         let held = block.range().take(if sticks { block.range().len() } else { 1 });

@@ -74,7 +74,8 @@ pub struct StepReport {
     pub rows: RowReport,
     /// The tissue around the tool that the tick got; empty where it has frozen rows.
     pub patch: PatchReport,
-    /// True where the tick got frozen rows in place of a patch since the tool was at a rigid or fixed body.
+    /// True where the tick got frozen rows in place of a patch since the tool's contacts with rigid and fixed bodies
+    /// found no room in one.
     pub frozen_at_rigid: bool,
     /// `W`; where it is not usable the step goes on without contact.
     pub compliance: ComplianceReport,

@@ -187,7 +187,8 @@ impl StepWorkspace {
         let patch_nodes = world.patch_nodes();
         // A patch, and the rows that are held while the tool touches it.
         let others = rows - ROWS * world.detection().max_contacts;
-        let compliance_rows = rows.max(if patch_nodes > 0 { 3 * patch_nodes + others } else { 0 });
+        let places = patch_nodes + world.yielding_contacts();
+        let compliance_rows = rows.max(if patch_nodes > 0 { 3 * places + others } else { 0 });
         let wanted = &world.description().solver;
         let solver = match wanted.kind.solver() {
             Solver::Automatic(config) => AutomaticConfig { bounded: true, ..config }.into(),
@@ -215,7 +216,7 @@ impl StepWorkspace {
             direct: DirectStage::new(world, &fem.system, rows),
             limits: (wanted.tolerance, wanted.max_sweeps),
             dt,
-            patch: (patch_nodes > 0).then(|| PatchStage::new(world, patch_nodes, compliance_rows)),
+            patch: (patch_nodes > 0).then(|| PatchStage::new(world, places, compliance_rows)),
             trial: model.rest_state(),
             fem,
             rotations: vec![Matrix3::identity(); free],

@@ -34,6 +34,7 @@ use palpate_haptics::snapshot::HapticSnapshot;
 
 use crate::scene::{Scene, SceneDescription};
 use crate::settle::settle;
+use crate::step::yielding_contacts;
 use outside::Basis;
 
 pub(crate) use build::{build, build_on};
@@ -147,6 +148,16 @@ impl World {
         self.bodies.obstacle_capacity(self.detection.max_contacts)
     }
 
+    /// Most contacts of fixed and rigid bodies in a patch that yield.
+    pub(crate) fn yielding_contacts(&self) -> usize {
+        if self.patch_nodes() > 0 { yielding_contacts(&self.bodies.pairs) } else { 0 }
+    }
+
+    /// Most contacts of fixed and rigid bodies in a patch.
+    pub fn body_contacts(&self) -> usize {
+        if self.patch_nodes() > 0 { self.yielding_contacts() + self.obstacle_capacity() } else { 0 }
+    }
+
     /// Most contacts of one snapshot: those of the tool.
     pub(crate) fn tool_capacity(&self) -> usize {
         self.detection.max_contacts + self.obstacle_capacity()
@@ -174,7 +185,7 @@ impl World {
 
     /// A snapshot with the room that this scene needs, for programs that bring their own loop.
     pub fn empty_snapshot(&self) -> HapticSnapshot {
-        HapticSnapshot::with_patch(self.tool_capacity(), self.patch_nodes())
+        HapticSnapshot::with_bodies(self.tool_capacity(), self.patch_nodes(), self.body_contacts())
     }
 
     /// How the body moves in time.

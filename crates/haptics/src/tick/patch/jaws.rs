@@ -11,6 +11,8 @@ pub(super) struct Path {
     held: Isometry3<f64>,
     predicted: Isometry3<f64>,
     before: Isometry3<f64>,
+    /// Where the snapshot has it, and where it was when the snapshot came.
+    since: [Isometry3<f64>; 2],
     /// Pivot \[m\], and axis times the part's share in the opening.
     pivot: Vector3<f64>,
     axis: Vector3<f64>,
@@ -27,8 +29,8 @@ pub(super) struct Jaws {
 }
 
 impl Jaws {
-    /// `before`: the tool at the end of the tick before.
-    pub(super) fn new(tool: &Tool, poses: &ToolPoses, before: Option<&ToolPose>) -> Self {
+    /// `before`: the tool at the end of the tick before; `since`: where the snapshot has it, and where it was when that came.
+    pub(super) fn new(tool: &Tool, poses: &ToolPoses, before: Option<&ToolPose>, since: &[ToolPose; 2]) -> Self {
         let ToolPoses { held, predicted } = poses;
         let before = before.unwrap_or(held);
         let path = |jaw: Option<Jaw>| {
@@ -40,7 +42,14 @@ impl Jaws {
                 }
                 _ => (held.frame.translation.vector, Vector3::zeros()),
             };
-            Path { held: at(held), predicted: at(predicted), before: at(before), pivot, axis }
+            Path {
+                held: at(held),
+                predicted: at(predicted),
+                before: at(before),
+                since: since.each_ref().map(at),
+                pivot,
+                axis,
+            }
         };
         let frame = path(None);
         let jaws = [Jaw::First, Jaw::Second].map(|jaw| if tool.hinge().is_some() { path(Some(jaw)) } else { frame });
@@ -86,5 +95,11 @@ impl Path {
     pub(super) fn of_point(&self, x: &Vector3<f64>) -> Vector3<f64> {
         let local = self.held.inverse_transform_point(&Point3::from(*x));
         self.predicted * local - self.before * local
+    }
+
+    /// The same from where the snapshot has the tool to where it was when the snapshot came.
+    pub(super) fn until_hand_over(&self, x: &Vector3<f64>) -> Vector3<f64> {
+        let local = self.held.inverse_transform_point(&Point3::from(*x));
+        self.since[1] * local - self.since[0] * local
     }
 }

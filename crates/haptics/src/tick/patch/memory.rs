@@ -8,14 +8,23 @@
 //! so at the first tick of a snapshot shape and forces solve the new problem as they solved the old, whatever changed in
 //! q_free *and* in C, and what the new snapshot knows better comes in over a stated time. A node that is new to the patch
 //! starts at its place, without force; in a patch that nothing is remembered of, with the force that the step found.
+//!
+//! Where friction holds, step and tick each remember how the tissue lies on the tool, and what they remember drifts apart:
+//! ticks slide on between two steps, and steps hold what they find at their begin. The step's tissue lives on, so it is right:
+//! with X and q_end tool and shape at the step's end, X' and x the same at the end of the tick before,
+//! ```text
+//! d = (x − q_end) − (X' − X) p,     p the place of the contact on the tool
+//! ```
+//! a contact that stuck when the step looked at the tool, and since, is led by `-d` along its tangents as s falls. Then a tool
+//! that is where the step had it feels the friction that the step found.
 
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 use palpate_collision::ToolPose;
 
 use super::PatchWorkspace;
+use super::bodies::BodyMemory;
 use super::rows::{Row, Rows};
 use crate::patch::HapticPatch;
-use crate::snapshot::ROWS_PER_CONTACT;
 use crate::wrench::all_finite;
 
 /// A node of the patch in use.
@@ -32,12 +41,15 @@ struct Node {
     lag: Vector3<f64>,
     /// From q to the place where contacts are found \[m\]: C f, which it follows by [`FOLLOWS`].
     yielded: Vector3<f64>,
+    /// x − q_end \[m\].
+    drift: Vector3<f64>,
 }
 
 /// Share of the way to the shape of its forces that the place where contacts are found goes in a tick.
 const FOLLOWS: f64 = 0.3;
 
-const NOWHERE: Node = Node { name: u32::MAX, known: false, shape: ZERO, offset: ZERO, lag: ZERO, yielded: ZERO };
+const NOWHERE: Node =
+    Node { name: u32::MAX, known: false, shape: ZERO, offset: ZERO, lag: ZERO, yielded: ZERO, drift: ZERO };
 const ZERO: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
 
 /// A contact of the tick before.
@@ -46,15 +58,24 @@ struct Known {
     feature: u64,
     force: Vector3<f64>,
     slip: Vector3<f64>,
+    /// Snapshots that came while it stuck.
+    stuck: u32,
 }
+
+/// Snapshots that a contact must have stuck at to be led: a step looks at the tool after the snapshot before has come.
+pub(super) const STUCK: u32 = 2;
 
 /// State of ticks on patches, of fixed size.
 #[derive(Clone, Debug)]
 pub(in crate::tick) struct PatchMemory {
     nodes: Vec<Node>,
-    /// f \[N\], one a node.
+    /// f \[N\], one a place: of bodies' contacts that yield, then of nodes.
     force: Vec<Vector3<f64>>,
     count: usize,
+    yielding: usize,
+    bodies: Vec<BodyMemory>,
+    next_bodies: Vec<BodyMemory>,
+    max_bodies: usize,
     /// The next of `nodes` and `force`, while a snapshot is taken over.
     next: Vec<Node>,
     next_force: Vec<Vector3<f64>>,
@@ -63,36 +84,48 @@ pub(in crate::tick) struct PatchMemory {
     max_contacts: usize,
     /// The tool at the end of the tick before.
     tool: Option<ToolPose>,
+    /// Where the snapshot has the tool, and where it was when the snapshot came.
+    led: [ToolPose; 2],
+    /// s at the end of the tick before.
+    fade: f64,
     /// Time since the snapshot in use was taken over \[s\].
     since: f64,
 }
 
 impl PatchMemory {
-    pub(in crate::tick) fn new(max_nodes: usize, max_contacts: usize) -> Self {
+    pub(in crate::tick) fn new(max_nodes: usize, max_contacts: usize, max_bodies: usize) -> Self {
+        let places = max_bodies + max_nodes;
         Self {
             nodes: vec![NOWHERE; max_nodes],
-            force: vec![ZERO; max_nodes],
+            force: vec![ZERO; places],
             count: 0,
+            yielding: 0,
+            bodies: Vec::with_capacity(max_bodies),
+            next_bodies: Vec::with_capacity(max_bodies),
+            max_bodies,
             next: vec![NOWHERE; max_nodes],
-            next_force: vec![ZERO; max_nodes],
-            moved: vec![ZERO; max_nodes],
+            next_force: vec![ZERO; places],
+            moved: vec![ZERO; places],
             contacts: Vec::with_capacity(max_contacts),
             max_contacts,
             tool: None,
+            led: [Isometry3::identity().into(); 2],
+            fade: 0.0,
             since: 0.0,
         }
     }
 
     /// Forgets everything.
     pub(in crate::tick) fn forget(&mut self) {
-        self.count = 0;
+        (self.count, self.yielding) = (0, 0);
+        self.bodies.clear();
         self.contacts.clear();
         self.tool = None;
     }
 
     /// Whether the patch is the one whose shape it remembers.
     pub(in crate::tick) fn is_of(&self, patch: &HapticPatch) -> bool {
-        self.count == patch.len()
+        self.count == patch.len() && self.bodies.len() == patch.bodies.all().len()
     }
 
     /// Lets time pass.
@@ -101,30 +134,67 @@ impl PatchMemory {
     }
 
     /// Makes the memory belong to the patch of a new snapshot. At most `nodes²` comparisons and one product with C.
-    pub(in crate::tick) fn take_over(&mut self, patch: &HapticPatch) {
+    ///
+    /// `tool` is that of the step.
+    pub(in crate::tick) fn take_over(&mut self, patch: &HapticPatch, tool: &ToolPose) {
         let nodes = patch.len().min(self.nodes.len());
+        self.take_over_bodies(patch);
+        let yielding = patch.bodies.yielding().min(self.bodies.len());
         let fresh = self.count == 0;
-        self.since = 0.0;
+        (self.since, self.fade) = (0.0, 1.0);
+        self.led = [*tool, self.tool.unwrap_or(*tool)];
+        self.contacts.iter_mut().filter(|known| known.stuck < STUCK).for_each(|known| known.stuck += 1);
         for (k, &name) in patch.skin().nodes().iter().enumerate().take(nodes) {
             let old = self.nodes.iter().take(self.count).position(|node| node.name == name);
             self.next[k] = Node { name, known: old.is_some(), ..old.map_or(NOWHERE, |old| self.nodes[old]) };
             let found = if fresh { patch.force().get(k).copied() } else { None };
-            self.next_force[k] = old.map_or(found.unwrap_or(ZERO), |old| self.force[old]);
+            self.next_force[yielding + k] = old.map_or(found.unwrap_or(ZERO), |old| self.force[self.yielding + old]);
         }
-        patch.yielding(&self.next_force[..nodes], &mut self.moved[..nodes]);
-        for ((node, moved), q_free) in self.next.iter_mut().zip(&self.moved).zip(patch.q_free()).take(nodes) {
+        let places = yielding + nodes;
+        patch.yielding(&self.next_force[..places], &mut self.moved[..places]);
+        let (of_bodies, of_nodes) = self.moved.split_at(yielding);
+        let of_bodies = of_bodies.iter().chain(std::iter::repeat(&ZERO));
+        for ((body, contact), moved) in self.bodies.iter_mut().zip(patch.bodies.all()).zip(of_bodies) {
+            body.begin(contact, moved, &self.led);
+        }
+        let shapes = patch.q_free().iter().zip(patch.q_end());
+        for ((node, moved), (q_free, q_end)) in self.next.iter_mut().zip(of_nodes).zip(shapes).take(nodes) {
             node.offset = node.shape - moved - q_free;
+            node.drift = node.shape - q_end;
             node.yielded = moved + node.lag;
             // What was not finite is forgotten.
-            if !node.known || !all_finite(&(node.offset + node.lag)) {
+            if !node.known || !all_finite(&(node.offset + node.lag + node.drift)) {
                 (node.lag, node.yielded) = (ZERO, *moved);
-                node.offset = ZERO;
+                (node.offset, node.drift) = (ZERO, ZERO);
                 node.shape = q_free + moved;
             }
         }
         std::mem::swap(&mut self.nodes, &mut self.next);
         std::mem::swap(&mut self.force, &mut self.next_force);
-        self.count = nodes;
+        (self.count, self.yielding) = (nodes, yielding);
+    }
+
+    /// What is remembered of bodies' contacts, in the order of a new patch, and their forces. At most `bodies²` comparisons.
+    fn take_over_bodies(&mut self, patch: &HapticPatch) {
+        self.next_bodies.clear();
+        for contact in patch.bodies.all().iter().take(self.max_bodies) {
+            let old = self.bodies.iter().find(|body| body.is_of(contact));
+            self.next_bodies.push(BodyMemory::new(contact, old));
+        }
+        std::mem::swap(&mut self.bodies, &mut self.next_bodies);
+        for (to, body) in self.next_force.iter_mut().zip(&self.bodies) {
+            *to = body.local();
+        }
+    }
+
+    /// Bodies' contacts, in the order of the patch.
+    pub(super) fn bodies(&self) -> &[BodyMemory] {
+        &self.bodies
+    }
+
+    /// What s has fallen by since the tick before.
+    pub(super) fn faded(&self, hand_over: f64) -> f64 {
+        self.fade - self.fade(hand_over)
     }
 
     /// s at this time.
@@ -150,6 +220,22 @@ impl PatchMemory {
         self.nodes.get(node).map(|node| node.shape)
     }
 
+    /// x − q_end of a node when the snapshot came \[m\].
+    pub(super) fn drift(&self, node: usize) -> Option<Vector3<f64>> {
+        self.nodes.get(node).map(|node| node.drift)
+    }
+
+    /// Where the snapshot has the tool, and where it was when the snapshot came.
+    pub(super) fn led(&self) -> &[ToolPose; 2] {
+        &self.led
+    }
+
+    /// What s has fallen by since the tick before, for a contact that is led; 0 for others.
+    pub(super) fn leads(&self, feature: u64, hand_over: f64) -> f64 {
+        let stuck = self.known(feature).is_some_and(|known| known.stuck >= STUCK);
+        if stuck { self.faded(hand_over) } else { 0.0 }
+    }
+
     /// Where the tool was at the end of the tick before.
     pub(super) fn tool(&self) -> Option<&ToolPose> {
         self.tool.as_ref()
@@ -159,18 +245,20 @@ impl PatchMemory {
         self.contacts.binary_search_by_key(&feature, |known| known.feature).ok().and_then(|k| self.contacts.get(k))
     }
 
-    /// What the ticks before left of a sticking contact's displacement \[m\].
-    pub(super) fn slip(&self, feature: u64) -> Vector3<f64> {
-        self.known(feature).map_or(ZERO, |known| known.slip)
+    /// What the ticks before left of a sticking contact's displacement \[m\], and the snapshots that came while it stuck.
+    pub(super) fn slip(&self, feature: u64) -> (Vector3<f64>, u32) {
+        self.known(feature).map_or((ZERO, 0), |known| (known.slip, known.stuck))
     }
 
     /// Starts each contact from the force that its feature had.
     pub(super) fn warm_start(&self, rows: &mut Rows) {
-        let each = rows.len() / rows.contacts().max(1);
-        for (k, row) in rows.contact.iter().enumerate() {
-            let Some(known) = self.known(row.feature) else { continue };
-            let local = row.frame.tr_mul(&known.force);
-            let lambda = rows.lambda.iter_mut().skip(each * k).take(each.min(ROWS_PER_CONTACT));
+        for (row, block) in rows.contact.iter().zip(&rows.blocks) {
+            let local = match row.body {
+                Some(k) => self.bodies.get(k).map(BodyMemory::local),
+                None => self.known(row.feature).map(|known| row.frame.tr_mul(&known.force)),
+            };
+            let Some(local) = local else { continue };
+            let lambda = rows.lambda.iter_mut().skip(block.start).take(block.law.rows());
             lambda.zip(local.iter()).for_each(|(l, x)| *l = *x);
         }
     }
@@ -178,24 +266,32 @@ impl PatchMemory {
     /// Remembers what a tick found, and where the tool is at its end.
     pub(in crate::tick) fn keep(&mut self, patch: &HapticPatch, hand_over: f64, tool: &ToolPose, ws: &PatchWorkspace) {
         let fade = self.fade(hand_over);
-        let found = ws.force.iter().zip(&ws.moved);
-        for (((node, kept), q_free), (force, moved)) in
-            self.nodes.iter_mut().zip(&mut self.force).zip(patch.q_free()).zip(found)
-        {
-            *kept = *force;
+        let y = self.yielding;
+        self.force.iter_mut().zip(&ws.force).for_each(|(kept, force)| *kept = *force);
+        let of_nodes = ws.moved.get(y..).unwrap_or_default();
+        for ((node, q_free), moved) in self.nodes.iter_mut().zip(patch.q_free()).zip(of_nodes) {
             node.shape = q_free + node.offset * fade + moved;
             node.yielded += (moved - node.yielded) * FOLLOWS;
             node.lag = node.yielded - moved;
         }
-        self.tool = Some(*tool);
+        (self.tool, self.fade) = (Some(*tool), fade);
         self.contacts.clear();
-        let rows = ws.rows.contact.iter().take(self.max_contacts);
+        let rows = ws.rows.contact.iter().filter(|row| row.body.is_none()).take(self.max_contacts);
         self.contacts.extend(rows.filter(|row| row.force != ZERO).map(Known::new));
+        let of_bodies = ws.moved.iter().take(y).chain(std::iter::repeat(&ZERO));
+        for ((body, contact), moved) in self.bodies.iter_mut().zip(patch.bodies.all()).zip(of_bodies) {
+            body.keep(contact, moved, fade, contact.approach(&self.led[0], tool).x);
+        }
+        for row in &ws.rows.contact {
+            if let Some(body) = row.body.and_then(|k| self.bodies.get_mut(k)) {
+                body.note(row);
+            }
+        }
     }
 }
 
 impl Known {
     fn new(row: &Row) -> Self {
-        Self { feature: row.feature, force: row.force, slip: row.slip }
+        Self { feature: row.feature, force: row.force, slip: row.slip, stuck: row.stuck }
     }
 }

@@ -19,6 +19,8 @@
 //! The steps' impulse and the tick's are not the same: the step solves its own contact with the tool where the tick left
 //! it, at its own begin. Both are measured ([`crate::record::TickRecord::contact_wrench`], the step's report).
 
+mod bodies;
+mod compliance;
 mod jaws;
 mod memory;
 mod rows;
@@ -54,6 +56,8 @@ pub struct PatchTickConfig {
     pub detection: DetectionConfig,
     /// Nodes that a patch may have.
     pub max_nodes: usize,
+    /// Contacts of fixed and rigid bodies that a patch may have.
+    pub max_bodies: usize,
     /// Time over which the shape goes over from one snapshot's to the next's \[s\], ≥ 0; 0 lets it jump.
     pub hand_over: f64,
 }
@@ -90,16 +94,16 @@ pub(super) struct PatchWorkspace {
 impl PatchWorkspace {
     pub(super) fn new(config: &PatchTickConfig) -> Self {
         let nodes = config.max_nodes;
-        let contacts = config.detection.max_contacts;
+        let (contacts, places) = (config.detection.max_contacts, config.max_bodies + config.max_nodes);
         let margin = config.detection.margin.min(NEAR);
-        let zeros = || vec![Vector3::zeros(); nodes];
+        let zeros = |count| vec![Vector3::zeros(); count];
         Self {
             detection: PatchDetection::for_tool(nodes, contacts, &config.tool),
             config: DetectionConfig { margin, ..config.detection },
-            rows: Rows::new(contacts),
-            shape: zeros(),
-            force: zeros(),
-            moved: zeros(),
+            rows: Rows::new(contacts, config.max_bodies),
+            shape: zeros(nodes),
+            force: zeros(places),
+            moved: zeros(places),
         }
     }
 }
@@ -132,8 +136,11 @@ impl PatchProblem<'_> {
         ws: &mut TickWorkspace,
     ) -> Local {
         let TickWorkspace { patch: Some(scratch), w, solver, .. } = ws else { return Local::EMPTY };
-        let nodes = patch.len();
-        if nodes > scratch.shape.len() {
+        let (nodes, places) = (patch.len(), patch.places());
+        if nodes > scratch.shape.len()
+            || places > scratch.force.len()
+            || patch.bodies.all().len() > self.config.max_bodies
+        {
             return Local { truncated: true, ..Local::EMPTY };
         }
         let fade = memory.fade(self.config.hand_over);
@@ -145,12 +152,13 @@ impl PatchProblem<'_> {
             &poses.held,
             &scratch.config,
         );
-        scratch.force[..nodes].fill(Vector3::zeros());
-        scratch.moved[..nodes].fill(Vector3::zeros());
+        scratch.force[..places].fill(Vector3::zeros());
+        scratch.moved[..places].fill(Vector3::zeros());
         let truncated = dropped > 0;
         let rows = &mut scratch.rows;
-        let jaws = Jaws::new(&self.config.tool, poses, memory.tool());
-        rows.build(scratch.detection.contacts(), &scratch.shape[..nodes], memory, patch, &jaws);
+        let jaws = Jaws::new(&self.config.tool, poses, memory.tool(), memory.led());
+        let hand_over = self.config.hand_over;
+        rows.build(scratch.detection.contacts(), &scratch.shape[..nodes], (memory, hand_over), patch, (&jaws, poses));
         let m = rows.len();
         if m == 0 {
             return Local { truncated, ..Local::EMPTY };
@@ -163,14 +171,14 @@ impl PatchProblem<'_> {
         let view = ProblemView { compliance: w, stride: m, delta_free: &rows.delta_free, blocks: &rows.blocks };
         let report = gauss_seidel::solve(&view, &mut rows.lambda, self.solver, solver);
         rows.note_gaps(solver.delta());
-        rows.spread(&mut scratch.force[..nodes]);
-        patch.yielding(&scratch.force[..nodes], &mut scratch.moved[..nodes]);
+        rows.spread(&mut scratch.force[..places]);
+        patch.yielding(&scratch.force[..places], &mut scratch.moved[..places]);
 
         let wrench = rows.wrench();
         let finite = sound
             && report.residual.is_finite()
             && rows.delta_free.iter().all(|gap| gap.is_finite())
-            && scratch.moved[..nodes].iter().all(crate::wrench::all_finite);
+            && scratch.moved[..places].iter().all(crate::wrench::all_finite);
         Local {
             finite,
             wrench,

@@ -6,9 +6,9 @@ use palpate_constraints::frame::ContactFrame;
 use palpate_constraints::law::{Law, Signorini};
 use palpate_solver::problem::Block;
 
+use super::ToolPoses;
 use super::jaws::Jaws;
 use super::memory::PatchMemory;
-use crate::coupling::Coupling;
 use crate::patch::HapticPatch;
 use crate::snapshot::ROWS_PER_CONTACT;
 use crate::wrench::Wrench;
@@ -17,20 +17,30 @@ use crate::wrench::Wrench;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Row {
     pub(super) feature: u64,
-    /// Nodes of the patch with a share in the contact's point, each once, and their shares.
-    nodes: [(usize, f64); 3],
-    count: usize,
+    /// Number among the patch's contacts of bodies, for one of those.
+    pub(super) body: Option<usize>,
+    /// Places of the patch with a share in the contact's point, each once, and their shares.
+    pub(super) places: [(usize, f64); 3],
+    pub(super) count: usize,
+    /// Whether the tool is a part of it.
+    pub(super) touches: bool,
     /// Columns: normal and tangents.
     pub(super) frame: Matrix3<f64>,
+    /// The same as seen from its places: the frame for nodes, which have world axes; 1 for contacts of bodies.
+    pub(super) local: Matrix3<f64>,
     /// From the tool's origin \[m\].
-    lever: Vector3<f64>,
+    pub(super) lever: Vector3<f64>,
     /// Velocity of the tool's point per rad that the jaws open \[m\].
-    opens: Vector3<f64>,
-    /// Force on the tissue \[N\] and, where it sticks, what is left of its displacement along the tangents \[m\].
+    pub(super) opens: Vector3<f64>,
+    /// Force on tissue or body \[N\], the same in the axes of its places, and, where it sticks, what is left of its displacement
+    /// along the tangents \[m\].
     pub(super) force: Vector3<f64>,
+    pub(super) load: Vector3<f64>,
     pub(super) slip: Vector3<f64>,
+    /// Snapshots that came while it stuck.
+    pub(super) stuck: u32,
     /// Gap that the forces leave \[m\].
-    gap: f64,
+    pub(super) gap: f64,
 }
 
 /// Rows of all contacts of a tick: workspace.
@@ -46,11 +56,13 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    pub(super) fn new(contacts: usize) -> Self {
-        let rows = ROWS_PER_CONTACT * contacts;
+    /// Memory for so many contacts on the skin, and of bodies.
+    pub(super) fn new(contacts: usize, bodies: usize) -> Self {
+        let all = contacts + bodies;
+        let rows = ROWS_PER_CONTACT * all;
         Self {
-            contact: Vec::with_capacity(contacts),
-            blocks: Vec::with_capacity(contacts),
+            contact: Vec::with_capacity(all),
+            blocks: Vec::with_capacity(all),
             delta_free: Vec::with_capacity(rows),
             lambda: Vec::with_capacity(rows),
             law: Signorini.into(),
@@ -62,8 +74,9 @@ impl Rows {
         self.delta_free.len()
     }
 
+    /// Contacts of the tool.
     pub(super) fn contacts(&self) -> usize {
-        self.contact.len()
+        self.at_tool().count()
     }
 
     /// Rows of one contact.
@@ -76,32 +89,41 @@ impl Rows {
         &mut self,
         contacts: &[Contact],
         shape: &[Vector3<f64>],
-        memory: &PatchMemory,
+        (memory, hand_over): (&PatchMemory, f64),
         patch: &HapticPatch,
-        jaws: &Jaws,
+        (jaws, poses): (&Jaws, &ToolPoses),
     ) {
         self.contact.clear();
         self.blocks.clear();
         self.delta_free.clear();
         self.law = patch.law;
-        let each = self.rows_each();
+        let (each, bodies) = (self.rows_each(), patch.bodies.yielding());
         for contact in contacts.iter().take(self.max_contacts) {
             let directions = ContactFrame::new(contact.normal).directions();
             let path = jaws.of(contact.feature);
             let lever = contact.tissue_point - jaws.origin();
+            let (slip, stuck) = memory.slip(contact.feature);
             let mut row = Row {
                 feature: contact.feature,
-                nodes: [(0, 0.0); 3],
+                body: None,
+                places: [(0, 0.0); 3],
                 count: 0,
+                touches: true,
                 frame: Matrix3::from_columns(&directions),
+                local: Matrix3::from_columns(&directions),
                 lever,
                 opens: path.opens(&contact.tissue_point),
                 force: Vector3::zeros(),
+                load: Vector3::zeros(),
                 slip: Vector3::zeros(),
+                stuck,
                 gap: f64::INFINITY,
             };
             // How the point yields to the forces of the tick before, and how it has moved since without them.
             let (mut yielded, mut moved) = (Vector3::zeros(), Vector3::zeros());
+            // What it is led by.
+            let leads = if each > 1 { memory.leads(contact.feature, hand_over) } else { 0.0 };
+            let mut drift = Vector3::zeros();
             for (&node, &weight) in contact.nodes.iter().zip(&contact.weights) {
                 let node = node as usize;
                 let (Some(now), Some(y), Some(then)) = (shape.get(node), memory.yielded(node), memory.shape(node))
@@ -109,9 +131,12 @@ impl Rows {
                     continue;
                 };
                 if weight != 0.0 {
-                    row.add(node, weight);
+                    row.add(bodies + node, weight);
                     yielded += y * weight;
                     moved += (now - y - then) * weight;
+                    if leads > 0.0 {
+                        drift += memory.drift(node).unwrap_or_else(Vector3::zeros) * weight;
+                    }
                 }
             }
             let normal = &directions[0];
@@ -119,86 +144,48 @@ impl Rows {
             self.blocks.push(Block { start: self.delta_free.len(), law: self.law.at_free_gap(gap) });
             self.delta_free.push(gap);
             if each > 1 {
-                let along = moved - path.of_point(&contact.tissue_point) + memory.slip(contact.feature);
+                let mut along = moved - path.of_point(&contact.tissue_point) + slip;
+                if leads > 0.0 {
+                    along += (drift - path.until_hand_over(&contact.tissue_point)) * leads;
+                }
                 self.delta_free.extend([directions[1].dot(&along), directions[2].dot(&along)]);
             }
             self.contact.push(row);
         }
+        self.build_bodies(memory, hand_over, patch, poses);
         self.lambda.clear();
         self.lambda.resize(self.delta_free.len(), 0.0);
     }
 
-    /// W \[m/N\], by columns without padding, with the compliances of the tool's pose and of its opening \[rad/(N m)\]. False where a number is not finite.
-    pub(super) fn compliance_into(
-        &self,
-        patch: &HapticPatch,
-        (coupling, opening): (&Coupling, f64),
-        w: &mut [f64],
-    ) -> bool {
-        let (m, each) = (self.len(), self.rows_each());
-        let (c, turning) = (coupling.compliance(), coupling.rotational_compliance());
-        let blocks = NodeBlocks::new(patch);
-        let mut finite = true;
-        for (j, b) in self.contact.iter().enumerate() {
-            for (i, a) in self.contact.iter().enumerate().skip(j) {
-                let mut between = blocks.between(a, b) + Matrix3::from_diagonal_element(c);
-                if opening > 0.0 {
-                    between += a.opens * b.opens.transpose() * opening;
-                }
-                if each == 1 {
-                    let mut entry = a.frame.column(0).dot(&(between * b.frame.column(0)));
-                    if turning > 0.0 {
-                        entry += turning * a.turn(0).dot(&b.turn(0));
-                    }
-                    finite &= entry.is_finite();
-                    (w[j * m + i], w[i * m + j]) = (entry, entry);
-                    continue;
-                }
-                let mut block = a.frame.tr_mul(&(between * b.frame));
-                if turning > 0.0 {
-                    block += Matrix3::from_fn(|r, s| turning * a.turn(r).dot(&b.turn(s)));
-                }
-                finite &= block.sum().is_finite();
-                for s in 0..3 {
-                    for r in 0..3 {
-                        // Symmetric to the bit: the upper triangle is the lower one's mirror, on the diagonal too.
-                        let (row, column) = (3 * i + r, 3 * j + s);
-                        if row >= column {
-                            (w[column * m + row], w[row * m + column]) = (block[(r, s)], block[(r, s)]);
-                        }
-                    }
-                }
-            }
-        }
-        finite
-    }
-
     /// Notes what the forces leave open, and what slips.
     pub(super) fn note_gaps(&mut self, delta: &[f64]) {
-        let each = self.rows_each();
-        for (k, (row, block)) in self.contact.iter_mut().zip(&self.blocks).enumerate() {
-            let (Some(gap), Some(lambda)) = (delta.get(each * k..), self.lambda.get(each * k..each * (k + 1))) else {
+        for (row, block) in self.contact.iter_mut().zip(&self.blocks) {
+            let each = block.law.rows();
+            let (Some(gap), Some(lambda)) =
+                (delta.get(block.start..), self.lambda.get(block.start..block.start + each))
+            else {
                 continue;
             };
             row.gap = gap.first().copied().unwrap_or(f64::INFINITY);
             let mut local = Vector3::zeros();
             local.iter_mut().zip(lambda).for_each(|(to, l)| *to = *l);
-            row.force = row.frame * local;
+            (row.force, row.load) = (row.frame * local, row.local * local);
             // What slides has a slip, which is forgotten.
             let holds = local.x > 0.0 && block.law.sticks(&local);
             row.slip = match gap {
                 [_, t, s, ..] if holds && each == 3 => row.frame.column(1) * *t + row.frame.column(2) * *s,
                 _ => Vector3::zeros(),
             };
+            row.stuck = if holds { row.stuck } else { 0 };
         }
     }
 
-    /// Adds the forces of the contacts to their nodes \[N\].
+    /// Adds the forces of the contacts to their places \[N\].
     pub(super) fn spread(&self, force: &mut [Vector3<f64>]) {
         for row in &self.contact {
-            for &(node, weight) in &row.nodes[..row.count] {
-                if let Some(f) = force.get_mut(node) {
-                    *f += row.force * weight;
+            for &(place, weight) in &row.places[..row.count] {
+                if let Some(f) = force.get_mut(place) {
+                    *f += row.load * weight;
                 }
             }
         }
@@ -207,7 +194,7 @@ impl Rows {
     /// What the contacts do to the tool, about its origin.
     pub(super) fn wrench(&self) -> Wrench {
         let mut wrench = Wrench::zero();
-        for row in &self.contact {
+        for row in self.at_tool() {
             wrench.force -= row.force;
             wrench.torque -= row.lever.cross(&row.force);
         }
@@ -216,26 +203,31 @@ impl Rows {
 
     /// What the contacts do to the opening of the jaws \[N m\].
     pub(super) fn gripper_torque(&self) -> f64 {
-        self.contact.iter().map(|row| -row.opens.dot(&row.force)).sum()
+        self.at_tool().map(|row| -row.opens.dot(&row.force)).sum()
     }
 
     /// Smallest gap at the forces \[m\].
     pub(super) fn least_gap(&self) -> f64 {
-        self.contact.iter().map(|row| row.gap).fold(f64::INFINITY, f64::min)
+        self.at_tool().map(|row| row.gap).fold(f64::INFINITY, f64::min)
     }
 
     /// Contacts that carry force.
     pub(super) fn active(&self) -> usize {
-        self.contact.iter().filter(|row| row.force != Vector3::zeros()).count()
+        self.at_tool().filter(|row| row.force != Vector3::zeros()).count()
+    }
+
+    /// The rows that the tool is a part of.
+    fn at_tool(&self) -> impl Iterator<Item = &Row> {
+        self.contact.iter().filter(|row| row.touches)
     }
 }
 
 impl Row {
     fn add(&mut self, node: usize, weight: f64) {
-        match self.nodes[..self.count].iter_mut().find(|(n, _)| *n == node) {
+        match self.places[..self.count].iter_mut().find(|(n, _)| *n == node) {
             Some((_, sum)) => *sum += weight,
             None if self.count < 3 => {
-                self.nodes[self.count] = (node, weight);
+                self.places[self.count] = (node, weight);
                 self.count += 1;
             }
             None => {}
@@ -243,42 +235,7 @@ impl Row {
     }
 
     /// Torque about the tool's origin per newton along direction `k` \[m\].
-    fn turn(&self, k: usize) -> Vector3<f64> {
+    pub(super) fn turn(&self, k: usize) -> Vector3<f64> {
         self.lever.cross(&self.frame.column(k))
-    }
-}
-
-/// C by blocks of two nodes.
-struct NodeBlocks<'a> {
-    compliance: &'a [f64],
-    stride: usize,
-}
-
-impl<'a> NodeBlocks<'a> {
-    fn new(patch: &'a HapticPatch) -> Self {
-        Self { compliance: patch.compliance(), stride: patch.degrees_of_freedom() }
-    }
-
-    /// Displacement of the point of `a` per force at the point of `b` \[m/N\].
-    #[inline]
-    fn between(&self, a: &Row, b: &Row) -> Matrix3<f64> {
-        let mut sum = Matrix3::zeros();
-        for &(q, share) in &b.nodes[..b.count] {
-            for &(p, weight) in &a.nodes[..a.count] {
-                // Nodes that are held fixed come last and have no compliance.
-                if 3 * p.max(q) < self.stride {
-                    for column in 0..3 {
-                        let at = (3 * q + column) * self.stride + 3 * p;
-                        if let Some([x, y, z]) = self.compliance.get(at..at + 3) {
-                            let share = weight * share;
-                            sum[(0, column)] += share * x;
-                            sum[(1, column)] += share * y;
-                            sum[(2, column)] += share * z;
-                        }
-                    }
-                }
-            }
-        }
-        sum
     }
 }

@@ -1,0 +1,142 @@
+//! Contacts of fixed and rigid bodies in a tick: what is remembered of them, and their rows.
+//!
+//! ```text
+//! normal:   δ_free = gap_free + o s + J (X_predicted − X_step)                              m
+//! tangents: δ_free = (u_free + o s − u₋) + J (X_predicted − X₋) + slip + J (X' − X_step) led
+//! ```
+//! with o the offset of the hand-over, as nodes have it, u₋ and X₋ coordinates and tool at the end of the tick before, X' the
+//! tool when the snapshot came. A wall stays where it is, so what is remembered of sticking at one begins anew at the end of
+//! each step, and only the tool's way since then is left to be led.
+
+use nalgebra::{Matrix3, Vector3};
+use palpate_collision::ToolPose;
+use palpate_solver::problem::Block;
+
+use super::ToolPoses;
+use super::memory::{PatchMemory, STUCK};
+use super::rows::{Row, Rows};
+use crate::body_contact::{BodyContact, ToolPart};
+use crate::patch::HapticPatch;
+use crate::wrench::all_finite;
+
+const ZERO: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
+
+/// A contact of a body in the tick before.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BodyMemory {
+    feature: u64,
+    frame: Matrix3<f64>,
+    /// Force on what the normal points to \[N\].
+    force: Vector3<f64>,
+    /// What is left of a sticking contact's displacement \[m\].
+    slip: Vector3<f64>,
+    /// o \[m\].
+    offset: Vector3<f64>,
+    /// u at the end of the tick before, without the way of the tool, and the gap with it \[m\].
+    end: Vector3<f64>,
+    gap: f64,
+    known: bool,
+    /// Snapshots that came while it stuck.
+    stuck: u32,
+}
+
+impl BodyMemory {
+    /// The contact of a new snapshot, and what is remembered of it: else it has the force of the step.
+    pub(super) fn new(contact: &BodyContact, old: Option<&Self>) -> Self {
+        let frame = contact.frame;
+        match old.filter(|old| all_finite(&(old.force + old.slip))) {
+            Some(old) => Self { frame, known: true, stuck: (old.stuck + 1).min(STUCK), ..*old },
+            None => Self {
+                feature: contact.feature,
+                frame,
+                force: frame * contact.force,
+                slip: ZERO,
+                offset: ZERO,
+                end: ZERO,
+                gap: f64::INFINITY,
+                known: false,
+                stuck: 0,
+            },
+        }
+    }
+
+    pub(super) fn is_of(&self, contact: &BodyContact) -> bool {
+        self.feature == contact.feature
+    }
+
+    /// Its force in its own frame \[N\].
+    pub(super) fn local(&self) -> Vector3<f64> {
+        self.frame.tr_mul(&self.force)
+    }
+
+    /// Begins on a snapshot in which the forces of the tick before move the contact by `moved`.
+    pub(super) fn begin(&mut self, contact: &BodyContact, moved: &Vector3<f64>, led: &[ToolPose; 2]) {
+        let unmoved = contact.free + moved;
+        let way = contact.approach(&led[0], &led[1]);
+        // One that is new begins where the step has it: under other forces than the step's it would be anywhere.
+        let gap = if self.known { self.gap - way.x } else { contact.gap };
+        self.offset = Vector3::new(gap, 0.0, 0.0) - unmoved;
+        // What was not finite is forgotten.
+        if !all_finite(&self.offset) {
+            (self.offset, self.slip, self.stuck) = (ZERO, ZERO, 0);
+        }
+        self.end = unmoved + self.offset;
+    }
+
+    /// Remembers what a tick found: `moved` by its forces, `way` of the tool since the step.
+    pub(super) fn keep(&mut self, contact: &BodyContact, moved: &Vector3<f64>, fade: f64, way: f64) {
+        self.end = contact.free + self.offset * fade + moved;
+        self.gap = self.end.x + way;
+    }
+
+    /// Its row in the tick.
+    pub(super) fn note(&mut self, row: &Row) {
+        (self.force, self.slip, self.stuck) = (row.force, row.slip, row.stuck);
+    }
+}
+
+impl Rows {
+    /// Appends the rows of the patch's contacts of bodies.
+    pub(super) fn build_bodies(
+        &mut self,
+        memory: &PatchMemory,
+        hand_over: f64,
+        patch: &HapticPatch,
+        poses: &ToolPoses,
+    ) {
+        let (now, leads) = (memory.fade(hand_over), memory.faded(hand_over));
+        let (led, before) = (memory.led(), memory.tool().unwrap_or(&poses.held));
+        let yielding = patch.bodies.yielding();
+        for (k, (contact, known)) in patch.bodies.all().iter().zip(memory.bodies()).enumerate() {
+            let free = contact.free + known.offset * now;
+            let gap = free.x + contact.approach(&led[0], &poses.predicted).x;
+            let mut along = free - known.end + contact.approach(before, &poses.predicted);
+            along += contact.frame.tr_mul(&known.slip);
+            if known.stuck >= STUCK {
+                along += contact.approach(&led[0], &led[1]) * leads;
+            }
+            self.blocks.push(Block { start: self.delta_free.len(), law: contact.law.at_free_gap(gap) });
+            self.delta_free.push(gap);
+            if contact.law.rows() > 1 {
+                self.delta_free.extend([along.y, along.z]);
+            }
+            let ToolPart { lever, opens } = contact.tool.unwrap_or(ToolPart { lever: ZERO, opens: ZERO });
+            self.contact.push(Row {
+                feature: contact.feature,
+                body: Some(k),
+                places: [(k, 1.0), (0, 0.0), (0, 0.0)],
+                count: usize::from(k < yielding),
+                touches: contact.tool.is_some(),
+                frame: contact.frame,
+                local: Matrix3::identity(),
+                lever,
+                opens,
+                force: ZERO,
+                load: ZERO,
+                slip: ZERO,
+                stuck: known.stuck,
+                gap: f64::INFINITY,
+            });
+        }
+    }
+}
