@@ -189,11 +189,10 @@ impl StepWorkspace {
         let others = rows - ROWS * world.detection().max_contacts;
         let compliance_rows = rows.max(if patch_nodes > 0 { 3 * patch_nodes + others } else { 0 });
         let wanted = &world.description().solver;
-        let solver = match wanted.kind.solver() {
+        let solver = match wanted.solver() {
             Solver::Automatic(config) => AutomaticConfig { bounded: true, ..config }.into(),
             solver => solver,
         };
-        let solver = solver.limited(wanted.tolerance, Some(wanted.max_sweeps));
         let own = world.plan().has_own_factor();
         let (mut newton, mut explicit, mut dt) = (None, None, world.dt());
         match *world.integration() {
