@@ -2,29 +2,22 @@
 //!
 //! They find which contacts carry force and which of them slide, to two or three digits, where a sweep costs a
 //! fraction of a Newton step and halves the residual, as a step far from the solution does. Contacts that the sweeps
-//! would bring to touch are not among them; the steps behind find these.
+//! would bring to touch are not among them; the steps behind find these. The local solve is that of `rough_contact`.
 //!
-//! The local solve is one step to the exact one. With `f = lambda - W_aa^-1 delta_a` the force of a contact that
-//! sticks, `b` the gap without the block's own part and `S` the tangential block with the normal row eliminated,
-//!
-//! ```text
-//! b_n >= 0                      lambda' = 0
-//! f inside the cone             lambda' = f
-//! else                          u = y / |y| ,   y = lambda_t - 2 / tr S (delta_t - w delta_n / W_nn)
-//!                               lambda_n' = -b_n / (W_nn + mu w . u) ,   lambda_t' = mu lambda_n' u
-//! ```
-//!
-//! of which exact local solutions are the fixed points: one root and two quotients instead of Newton's for the slip.
 //! What the sweeps leave is judged by the gap in double precision, which the caller forms anew, so that
 //! their rounding harms nobody.
 
-use crate::coupled_block::{Columns, Quad, inverse, times};
 use crate::problem::{Block, ProblemView, gather, scatter};
+use crate::rough_contact::RoughContact;
 use crate::single::SingleCompliance;
 use nalgebra::Vector3;
 use palpate_constraints::law::{Law, LocalCompliance};
 use pulp::{Arch, Simd, WithSimd};
 use std::time::Instant;
+
+/// Sweeps after which contacts that carry no force are left out, and part of the contacts that must be left for it to pay.
+const SETTLING: u32 = 8;
+const WORTHWHILE: f64 = 0.75;
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
@@ -37,38 +30,19 @@ pub(crate) struct Limits {
     pub(crate) deadline: Option<Instant>,
 }
 
-/// A contact that takes part.
-#[derive(Clone, Copy, Debug)]
-struct Contact {
-    /// First row in [`SingleCompliance`].
-    place: usize,
-    /// `W_aa^-1`, N/m.
-    inverse: Columns,
-    /// Its normal row, m/N.
-    normal: Quad,
-    /// `w / W_nn`, dimensionless.
-    coupling: [f32; 2],
-    /// `2 / tr S`, N/m.
-    stiffness: f32,
-    /// Friction coefficient.
-    friction: f32,
-    /// N.
-    force: Quad,
-    /// The block's number.
-    number: usize,
-}
-
 /// Memory of the sweeps.
 #[derive(Clone, Debug)]
 pub(crate) struct RoughSweeps {
-    contacts: Vec<Contact>,
+    contacts: Vec<RoughContact>,
     /// Gaps in the order of [`SingleCompliance`], m.
     gap: Vec<f32>,
+    spare: Vec<f32>,
 }
 
 impl RoughSweeps {
     pub(crate) fn with_capacity(rows: usize) -> Self {
-        Self { contacts: Vec::with_capacity(rows), gap: Vec::with_capacity(SingleCompliance::longest(rows)) }
+        let gap = || Vec::with_capacity(SingleCompliance::longest(rows));
+        Self { contacts: Vec::with_capacity(rows), gap: gap(), spare: gap() }
     }
 
     /// Whether the sweeps can do for all blocks: whether all are frictional contacts.
@@ -105,7 +79,7 @@ impl RoughSweeps {
                 *to = *from as f32;
             }
             let force = [force.x as f32, force.y as f32, force.z as f32, 0.0];
-            self.contacts.push(Contact::new(
+            self.contacts.push(RoughContact::new(
                 place,
                 &single.diagonal_block(place, 3),
                 law.friction as f32,
@@ -113,11 +87,10 @@ impl RoughSweeps {
                 number,
             ));
         }
-        let Self { contacts, gap } = self;
         let (mut done, mut first, mut last) = (0, 0.0, 0.0);
         while done < limits.sweeps {
             done += 1;
-            last = f64::from(Arch::new().dispatch(Sweep { single, contacts, gap }));
+            last = f64::from(Arch::new().dispatch(Sweep { single, contacts: &mut self.contacts, gap: &mut self.gap }));
             if done == 1 {
                 first = last;
             }
@@ -127,55 +100,53 @@ impl RoughSweeps {
             if !goes_on || out_of_time() {
                 break;
             }
+            if done == SETTLING {
+                self.leave_out(view, single);
+            }
         }
         if last > first || !last.is_finite() {
             return done;
         }
-        for contact in contacts.iter() {
+        lambda.fill(0.0);
+        for contact in &self.contacts {
             let Some(block) = view.blocks.get(contact.number) else { continue };
             let force = Vector3::new(contact.force[0], contact.force[1], contact.force[2]).map(f64::from);
             scatter(&block.law.project(&force), block, lambda);
         }
         done
     }
-}
 
-impl Contact {
-    #[allow(non_snake_case)]
-    fn new(place: usize, W: &Columns, friction: f32, force: Quad, number: usize) -> Self {
-        let normal = [W[0][0], W[1][0], W[2][0], 0.0];
-        let coupling = [normal[1] / normal[0], normal[2] / normal[0]];
-        let trace = W[1][1] + W[2][2] - coupling[0] * normal[1] - coupling[1] * normal[2];
-        Self { place, inverse: inverse(W), normal, coupling, stiffness: 2.0 / trace, friction, force, number }
-    }
-
-    /// The force for the gap that there is.
-    #[inline(always)]
-    fn resolve(&self, gap: &Quad) -> Quad {
-        let (old, mu, n) = (&self.force, self.friction, &self.normal);
-        let open = gap[0] - (n[0] * old[0] + n[1] * old[1] + n[2] * old[2]);
-        if open >= 0.0 {
-            return [0.0; 4];
+    /// Leaves out the contacts that are open without force, if they are many: columns that end sooner are summed sooner,
+    /// here and in the steps behind.
+    fn leave_out(&mut self, view: &ProblemView<'_>, single: &mut SingleCompliance) {
+        let Self { contacts, gap, spare } = self;
+        let carries = |contact: &RoughContact, gap: &[f32]| {
+            contact.force[0] > 0.0 || gap.get(contact.place).is_some_and(|normal| *normal < 0.0)
+        };
+        let left = contacts.iter().filter(|contact| carries(contact, gap)).count();
+        if left as f64 > WORTHWHILE * contacts.len() as f64 {
+            return;
         }
-        let change = times(&self.inverse, gap);
-        let stick = [old[0] - change[0], old[1] - change[1], old[2] - change[2], 0.0];
-        if stick[0] > 0.0 && stick[1] * stick[1] + stick[2] * stick[2] <= mu * mu * stick[0] * stick[0] {
-            return stick;
+        contacts.retain(|contact| carries(contact, gap));
+        single.begin(view.rows());
+        single.admit(view, contacts.iter().filter_map(|contact| view.blocks.get(contact.number)));
+        spare.clear();
+        spare.resize(single.length(), 0.0);
+        for contact in contacts {
+            let Some(place) = view.blocks.get(contact.number).and_then(|block| single.place(block)) else { continue };
+            for (to, from) in spare[place..].iter_mut().zip(gap[contact.place..].iter()).take(3) {
+                *to = *from;
+            }
+            contact.place = place;
         }
-        let y = old[1] - self.stiffness * (gap[1] - self.coupling[0] * gap[0]);
-        let z = old[2] - self.stiffness * (gap[2] - self.coupling[1] * gap[0]);
-        let shrink = mu / (y * y + z * z).sqrt();
-        let (y, z) = (shrink * y, shrink * z);
-        let normal = -open / (n[0] + n[1] * y + n[2] * z);
-        // A coupling that separates what it presses: without friction then. False for NaN.
-        if normal > 0.0 { [normal, normal * y, normal * z, 0.0] } else { [-open / n[0], 0.0, 0.0, 0.0] }
+        std::mem::swap(gap, spare);
     }
 }
 
 /// One sweep; the sum of the squares of the changes over their stiffness, m².
 struct Sweep<'a> {
     single: &'a SingleCompliance,
-    contacts: &'a mut [Contact],
+    contacts: &'a mut [RoughContact],
     gap: &'a mut [f32],
 }
 
@@ -212,15 +183,20 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
     use palpate_constraints::law::Coulomb;
 
-    /// Contacts side by side whose coupling falls off with their distance, pressed by as much as they are dragged.
+    /// Contacts side by side whose coupling falls off with their distance. One in three is pressed deep, which opens those beside
+    /// it again.
     fn problem(compliance: f64) -> ConstraintProblem {
-        const CONTACTS: usize = 6;
+        const CONTACTS: usize = 12;
         let matrix = DMatrix::from_fn(3 * CONTACTS, 3 * CONTACTS, |i, j| {
             let (distance, row, column) = ((i / 3).abs_diff(j / 3) as f64, i % 3, j % 3);
             let within = if row == column { 1.0 } else { 0.1 * (distance + 1.0) };
             compliance * within / (1.0 + 2.0 * distance * distance)
         });
-        let gap = |i: usize| if i.is_multiple_of(3) { -1.0 + 0.3 * (i as f64).cos() } else { 0.2 * (i as f64).sin() };
+        let gap = |i: usize| match (i % 3, i / 3 % 3) {
+            (0, 0) => -1.0 + 0.3 * (i as f64).cos(),
+            (0, _) => -0.02,
+            _ => 0.2 * (i as f64).sin(),
+        };
         let delta_free = DVector::from_fn(3 * CONTACTS, |i, _| 1e-3 * gap(i));
         ConstraintProblem::new(matrix, delta_free, [Law::Coulomb(Coulomb { friction: 0.2 }); CONTACTS])
             .expect("the sizes agree")
@@ -244,9 +220,13 @@ mod tests {
         sweep(&problem, &mut rough);
         let config = GaussSeidelConfig { tolerance: 1e-12, ..GaussSeidelConfig::default() };
         solve(&problem.view(), &mut exact, &config, &mut GaussSeidelWorkspace::with_capacity(rows));
-        let slides = |a: usize| exact[3 * a + 1].hypot(exact[3 * a + 2]) > 0.2 * exact[3 * a] * (1.0 - 1e-9);
+        let slides = |a: usize| {
+            exact[3 * a] > 0.0 && exact[3 * a + 1].hypot(exact[3 * a + 2]) > 0.2 * exact[3 * a] * (1.0 - 1e-9)
+        };
         let sliding = (0..rows / 3).filter(|a| slides(*a)).count();
-        assert!(0 < sliding && sliding < rows / 3, "{sliding} slide: the others are to stick");
+        let carrying = (0..rows / 3).filter(|a| exact[3 * a] > 0.0).count();
+        assert!((carrying as f64) < WORTHWHILE * (rows / 3) as f64, "{carrying} carry force: some are to be left out");
+        assert!(0 < sliding && sliding < carrying, "{sliding} of {carrying} slide: the others are to stick");
         // Single precision, times the condition of the matrix.
         let largest = exact.iter().fold(0.0_f64, |largest, force| largest.max(force.abs()));
         for (rough, exact) in rough.iter().zip(&exact) {
