@@ -59,7 +59,7 @@ impl TickStage {
                 tool: world.tool().clone(),
                 detection: *world.detection(),
                 max_nodes: world.patch_nodes(),
-                hand_over: world.description().tick.hand_over,
+                hand_over: world.hand_over(),
             };
             tick = tick.on_patches(on_patches).map_err(refused)?;
         }

@@ -27,6 +27,7 @@ mod climb;
 mod compliance_error;
 mod correction;
 mod direct;
+mod drift;
 mod first_inverse;
 mod forces;
 mod free_motion;

@@ -3,11 +3,12 @@
 //! When a new snapshot comes, forces stay and the shape goes on from where it was: with x the shape at the end of the tick
 //! before and f its forces,
 //! ```text
-//! q = q_free + o s(t),   o = x − C f − q_free,   s falls from 1 to 0 within `hand_over`
+//! q = q_free + d t/h + o s(t),   o = x − C f − q_free,   s falls from 1 to 0 within `hand_over`
 //! ```
 //! so at the first tick of a snapshot shape and forces solve the new problem as they solved the old, whatever changed in
 //! q_free *and* in C, and what the new snapshot knows better comes in over a stated time. A node that is new to the patch
-//! starts at its place, without force; in a patch that nothing is remembered of, with the force that the step found.
+//! starts at its place, without force; in a patch that nothing is remembered of, with the force that the step found. The
+//! drift d ends where the next step should have come, and so does what it can do in a run whose steps are late.
 
 use nalgebra::Vector3;
 use palpate_collision::ToolPose;
@@ -65,6 +66,8 @@ pub(in crate::tick) struct PatchMemory {
     tool: Option<ToolPose>,
     /// Time since the snapshot in use was taken over \[s\].
     since: f64,
+    /// h: the time that its drift takes \[s\].
+    step: f64,
 }
 
 impl PatchMemory {
@@ -80,6 +83,7 @@ impl PatchMemory {
             max_contacts,
             tool: None,
             since: 0.0,
+            step: 0.0,
         }
     }
 
@@ -100,11 +104,11 @@ impl PatchMemory {
         self.since += dt;
     }
 
-    /// Makes the memory belong to the patch of a new snapshot. At most `nodes²` comparisons and one product with C.
-    pub(in crate::tick) fn take_over(&mut self, patch: &HapticPatch) {
+    /// Makes the memory belong to the patch of a new snapshot. At most `nodes²` comparisons and one product with C. `step` is h \[s\].
+    pub(in crate::tick) fn take_over(&mut self, patch: &HapticPatch, step: f64) {
         let nodes = patch.len().min(self.nodes.len());
         let fresh = self.count == 0;
-        self.since = 0.0;
+        (self.since, self.step) = (0.0, step);
         for (k, &name) in patch.skin().nodes().iter().enumerate().take(nodes) {
             let old = self.nodes.iter().take(self.count).position(|node| node.name == name);
             self.next[k] = Node { name, known: old.is_some(), ..old.map_or(NOWHERE, |old| self.nodes[old]) };
@@ -133,10 +137,16 @@ impl PatchMemory {
         if self.since >= hand_over { 0.0 } else { 1.0 - self.since / hand_over }
     }
 
+    /// t/h, 0 to 1.
+    fn drifted(&self) -> f64 {
+        if self.step > 0.0 { (self.since / self.step).min(1.0) } else { 0.0 }
+    }
+
     /// The shape under the forces of the tick before, at this place in the hand-over \[m\].
     pub(super) fn shape_now(&self, patch: &HapticPatch, fade: f64, shape: &mut [Vector3<f64>]) {
-        for ((to, node), q_free) in shape.iter_mut().zip(&self.nodes).zip(patch.q_free()) {
-            *to = q_free + node.offset * fade + node.yielded;
+        let drifted = self.drifted();
+        for (((to, node), q_free), drift) in shape.iter_mut().zip(&self.nodes).zip(patch.q_free()).zip(patch.drift()) {
+            *to = q_free + drift * drifted + node.offset * fade + node.yielded;
         }
     }
 
@@ -178,9 +188,10 @@ impl PatchMemory {
     /// Remembers what a tick found, and where the tool is at its end.
     pub(in crate::tick) fn keep(&mut self, patch: &HapticPatch, hand_over: f64, tool: &ToolPose, ws: &PatchWorkspace) {
         let fade = self.fade(hand_over);
+        let drifted = self.drifted();
         let found = ws.force.iter().zip(&ws.moved);
-        for (((node, kept), q_free), (force, moved)) in
-            self.nodes.iter_mut().zip(&mut self.force).zip(patch.q_free()).zip(found)
+        let free = patch.q_free().iter().zip(patch.drift()).map(|(q, drift)| q + drift * drifted);
+        for (((node, kept), q_free), (force, moved)) in self.nodes.iter_mut().zip(&mut self.force).zip(free).zip(found)
         {
             *kept = *force;
             node.shape = q_free + node.offset * fade + moved;
