@@ -25,7 +25,7 @@ fn main() {
     mesh(folder.path(), if fine { 4 } else { 2 });
     let names = ORDEALS.map(|ordeal| format!("{ordeal:?}"));
     for kind in ElementKind::ALL.into_iter().filter(|kind| asks_for("element", kind.name())) {
-        let (mut cases, mut recovered, mut rest, mut rolled_back) = (0, 0, 0, 0);
+        let (mut cases, mut recovered, mut led, mut named, mut rolled_back) = (0, 0, 0, 0, 0);
         for law in Material::NAMES.iter().filter(|law| asks_for("law", law)) {
             for ratio in [1.0, 1e4] {
                 // The laws without a bulk term have no averaged elements.
@@ -34,16 +34,18 @@ fn main() {
                     let outcome = endure(&world, ordeal);
                     cases += 1;
                     recovered += u32::from(outcome.recovers());
-                    rest += u32::from(!outcome.recovers() && outcome.rests());
+                    led += u32::from(outcome.led > 0);
+                    named += u32::from(!outcome.recovers() && outcome.named > 0);
                     rolled_back += u32::from(outcome.rolled_back > 0);
-                    if !outcome.recovers() || outcome.rolled_back > 0 {
+                    if !outcome.recovers() || outcome.rolled_back > 0 || outcome.led > 0 {
                         println!("{law}, {}, {ratio:e}, {name}: {}", kind.name(), outcome.text());
                     }
                 }
             }
         }
         println!(
-            "{}: {recovered} of {cases} recover, {rest} rest uninverted in another shape, in {rolled_back} steps were rolled back",
+            "{}: {recovered} of {cases} recover, {named} of the others are named to the end; {led} were led, in {rolled_back} steps were \
+             rolled back",
             kind.name()
         );
     }

@@ -6,6 +6,7 @@ mod block;
 
 use std::collections::VecDeque;
 
+use nalgebra::Vector3;
 use palpate::constraints::compliance::ComplianceMethod;
 use palpate::haptics::coupling::{CouplingConfig, Spring};
 use palpate::run::{Length, RunOptions, RunOutcome};
@@ -166,6 +167,49 @@ fn the_first_touch_is_that_of_the_tissue_computed_offline_at_1_khz() {
     }
 }
 
+/// The tissue goes on with the hand between two steps. Were it at rest there, a tick would press against the inertia and the
+/// damping of the step's own length: 8.6 % of the force at 100 Hz.
+#[test]
+fn a_press_at_constant_speed_is_as_stiff_as_at_1_khz_whatever_the_rate_of_the_tissue() {
+    let speed = 0.05;
+    let press = |scene: &mut SceneDescription| {
+        forced(scene);
+        // Cubic, so that its middle third is even to a tenth; the tool touches after a sixth of it.
+        let top = block::SKIN + block::RADIUS + 0.003;
+        let keys = scene.hand.path.iter_mut().zip([(0.0, top), (0.3, top - 0.2 * speed)]);
+        keys.for_each(|(key, (time, z))| (key.time, key.position[2]) = (time, z));
+        scene.hand.path.truncate(2);
+    };
+    let offline = world(|scene| {
+        press(scene);
+        scene.rates.step = 1000.0;
+        scene.bodies[0].compliance = ComplianceMethod::Exact;
+    });
+    for rate in [30.0, 100.0] {
+        let fast = world(|scene| {
+            press(scene);
+            scene.rates.step = rate;
+        });
+        let (_, recorder) = record(&fast, &lockstep(0.3));
+        let mut simulation = Simulation::new(&offline).unwrap();
+        let first = recorder.ticks.iter().position(|t| t.record.active > 0).expect("it touches");
+        let forces = recorder.ticks.iter().map(|tick| {
+            let reference = simulation.step(&tick.record.tool_pose).force;
+            (tick.record.contact_wrench.force, reference)
+        });
+        let forces: Vec<_> = forces.take(first + 100).collect();
+        let largest = forces.iter().map(|(_, reference)| reference.norm()).fold(0.0, f64::max);
+        // From the first step that knows of the touch on.
+        let known = first + (1000.0 / rate) as usize;
+        let mean = |window: &[(Vector3<f64>, Vector3<f64>)]| {
+            window.iter().map(|(felt, reference)| felt - reference).sum::<Vector3<f64>>().norm() / WINDOW as f64
+        };
+        let worst = forces[known..].windows(WINDOW).map(mean).fold(0.0, f64::max) / largest;
+        println!("{rate} Hz: {largest:.3} N, off by {:.2} % at most", 100.0 * worst);
+        assert!(largest > 0.2 && worst < 0.05, "{rate} Hz: {worst} of {largest} N");
+    }
+}
+
 #[test]
 fn a_deep_press_that_is_held_neither_chatters_nor_creeps() {
     // More than the ball's radius, where q_free of a step lies beyond its centre.
@@ -204,6 +248,18 @@ fn scenes_say_what_the_tick_works_on_and_refuse_what_it_cannot() {
     let default = parse("").unwrap();
     assert_eq!(default.description().tick.method, TickMethod::Local);
     assert!(default.build().unwrap().understood().contains("tick: local (48 nodes at most, hand-over 10 ms)"));
+    // A third of a step at most; one that a scene states and that outlasts the step is warned of.
+    let rated = |rate: f64, tick: &str| {
+        let world = parse(&format!("[rates]\nstep = {rate}\n[tick]\n{tick}")).unwrap().build().unwrap();
+        let late = world.warnings().iter().find(|warning| warning.contains("hand_over")).cloned();
+        (world.hand_over(), late)
+    };
+    assert_eq!(rated(30.0, ""), (10e-3, None));
+    assert_eq!(rated(100.0, "hand_over = 0.002"), (2e-3, None));
+    let third = |time: f64| (time - 0.01 / 3.0).abs() < 1e-12;
+    assert!(matches!(rated(100.0, ""), (time, None) if third(time)));
+    let (cut, late) = rated(100.0, "hand_over = 0.02");
+    assert!(third(cut) && late.as_ref().is_some_and(|late| late.contains("cut to 3.3 ms")), "{late:?}");
     let frozen = parse("[tick]\nmethod = \"frozen\"").unwrap().build().unwrap();
     assert!(frozen.understood().contains("tick: frozen rows") && frozen.patch_nodes() == 0);
     assert_eq!(frozen.empty_snapshot().patch.max_nodes(), 0);

@@ -42,7 +42,7 @@ pub(crate) fn print(world: &World) {
     let mut ws = StepWorkspace::new(world);
     palpate::fem::assembly::assemble(model, &rest, world.dt(), &[], &mut ws.fem);
     let (system, rhs) = (&ws.fem.system, &ws.fem.rhs);
-    let mut factor = Factor::with_single_precision_copy(Arc::clone(symbolic));
+    let mut factor = Factor::with_packed_copy(Arc::clone(symbolic));
     assert_eq!(factor.refactor(system).status, FactorStatus::Ok);
     let (mut solve, mut x) = (SolveWorkspace::new(symbolic), vec![1.0; rhs.len()]);
     let mut rotations = vec![Matrix3::identity(); model.free_nodes()];
@@ -61,8 +61,8 @@ pub(crate) fn print(world: &World) {
     print!("       traffic");
     line("sum", 8.0 * values, &mut |_| _ = black_box(sum(black_box(&stream))));
     line("solve f64", 16.0 * values, &mut |x| assert!(factor.solve(x, &mut solve).is_ok()));
-    let packed = symbolic.packed_values() as f64;
-    line("f32", 8.0 * packed, &mut |x| assert!(factor.precondition(x, &mut solve).is_ok()));
+    let packed = symbolic.packed_bytes() as f64;
+    line("16 bit", 2.0 * packed, &mut |x| assert!(factor.precondition(x, &mut solve).is_ok()));
     let mut y = rhs.clone();
     line("A x", blocks, &mut |x| system.multiply(x, &mut y));
     line("turn", 0.0, &mut |x| {

@@ -21,6 +21,12 @@ pub const HEIGHT: f64 = 0.06;
 /// Steps of the driven motion, of holding it, of the way back, and of rest after it.
 pub const STEPS: [u32; 4] = [30, 10, 30, 90];
 
+/// Share of the motion at the end of step `k`, counted from 1: out, held, back, rest.
+pub fn share(k: u32) -> f64 {
+    let [out, hold, back, _] = STEPS;
+    (f64::from(k) / f64::from(out)).min(1.0) - (f64::from(k.saturating_sub(out + hold)) / f64::from(back)).min(1.0)
+}
+
 /// What happens to the block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Ordeal {
@@ -66,6 +72,12 @@ pub struct Outcome {
     pub inverted: u32,
     /// Elements that are held open at the end.
     pub held_open: u32,
+    /// Inner edges that are not wound once at the end.
+    pub tangled: u32,
+    /// Steps at the end, without a gap, that named tissue as tangled, inside out or held open.
+    pub named: u32,
+    /// Steps that led the body.
+    pub led: u32,
     /// Steps that began with an element inside out.
     pub steps_inverted: u32,
     /// Steps whose motion was repeated by Newton's method.
@@ -98,15 +110,17 @@ impl Outcome {
             "recovers".into()
         } else {
             format!(
-                "stays {:.0} % astray, {} inverted, {} held open, {:.0e} heights/s, residual {:.0e}",
+                "stays {:.0} % astray, {} inverted, {} held open, {} edges tangled, {:.0e} heights/s, residual {:.0e}",
                 100.0 * self.astray,
                 self.inverted,
                 self.held_open,
+                self.tangled,
                 self.speed,
                 self.residual
             )
         };
-        format!("{shape}{failed}")
+        let led = if self.led > 0 { format!(" ({} steps led)", self.led) } else { String::new() };
+        format!("{shape}{failed}{led}")
     }
 }
 
@@ -171,6 +185,14 @@ fn step(simulation: &mut Simulation<'_>, outcome: &mut Outcome) {
     assert!(simulation.positions().iter().all(|q| q.iter().all(|x| x.is_finite())), "{report:?}");
     outcome.inverted = report.assembly.inverted;
     outcome.held_open = report.folds.folded;
+    outcome.tangled = report.tangle.map_or(0, |tangle| tangle.edges);
+    outcome.led += u32::from(report.led);
+    let troubled = report.tangle.is_some() || report.assembly.inverted > 0 || report.folds.folded > 0;
+    outcome.named = if troubled { outcome.named + 1 } else { 0 };
+    if let Some(tangle) = report.tangle {
+        assert!(tangle.edges > 0 && tangle.winding != 1, "{tangle:?}");
+        assert_eq!(tangle.place.region, simulation.world().mesh().regions[tangle.place.tetrahedron as usize]);
+    }
     outcome.steps_inverted += u32::from(report.assembly.inverted > 0);
     outcome.repeated += u32::from(report.repeated > 0);
     if report.assembly.inverted > 0 {
@@ -198,12 +220,9 @@ pub fn endure(world: &World, ordeal: Ordeal) -> Outcome {
     for &node in world.model().node_of_free() {
         simulation.state_mut().fem.q[node as usize] = ordeal.begun(rest[node as usize]);
     }
-    let [out, hold, back, quiet] = STEPS;
-    for k in 1..=out + hold + back + quiet {
-        let s = (f64::from(k) / f64::from(out)).min(1.0)
-            - (f64::from(k.saturating_sub(out + hold)) / f64::from(back)).min(1.0);
+    for k in 1..=STEPS.iter().sum() {
         for &i in &top {
-            simulation.state_mut().fem.q[i] = ordeal.driven(rest[i], s);
+            simulation.state_mut().fem.q[i] = ordeal.driven(rest[i], share(k));
         }
         step(&mut simulation, &mut outcome);
     }

@@ -117,9 +117,10 @@ fn facts(s: &RunSummary) -> Table {
         format!("{} / {}", s.contacts_dropped, s.factors_refused),
     ]);
     table.add_row([
-        "steps shortened / repeated / with elements held open / with unsettled contact forces".to_string(),
-        format!("{} / {} / {} / {}", s.shortened, s.repeated, s.held_open, s.unsettled),
+        "steps shortened / repeated / with elements held open / tangled / led out of it".to_string(),
+        format!("{} / {} / {} / {} / {}", s.shortened, s.repeated, s.held_open, s.tangled, s.led),
     ]);
+    table.add_row(["steps with unsettled contact forces".to_string(), s.unsettled.to_string()]);
     let per_step = |n: u64| n as f64 / s.steps.max(1) as f64;
     table.add_row([
         "elements per step: tangent made definite / inverted".to_string(),

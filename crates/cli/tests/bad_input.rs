@@ -33,6 +33,9 @@ fn a_wrong_value_is_told_with_file_line_and_remedy() {
     // What is changed, to what, and what the message says: the value or name, and the remedy.
     let cases: &[(&str, &str, &[&str])] = &[
         ("density = 1060", "densty = 1060", &["unknown field `densty`", "did you mean `density`?"]),
+        ("[hand]", "[solver]\nsweep_order = \"shuffled\"\n[hand]", &["belongs to Gauss-Seidel", "gauss_seidel"]),
+        ("[hand]", "[solver]\nrelaxation = 1.5\nkind = \"gauss_seidel\"\n[hand]", &["1.5", "at most 1"]),
+        ("density = 1060", "labels = { liver = 255 }", &["label image", "remove it"]),
         ("seconds = 1", "second = 1", &["unknown field `second`", "did you mean `seconds`?"]),
         ("\"neo_hookean\"", "\"neo_hokean\"", &["neo_hokean", "did you mean `neo_hookean`?"]),
         ("at = \"faces\"", "at = \"face\"", &["`face`", "did you mean `faces`?"]),
@@ -360,6 +363,10 @@ fn a_mesh_that_cannot_be_made_is_told_and_nothing_is_written() {
         ("gem.obj --cell 4mm --scale -1 --out a.vtu", "positive"),
         ("image.inr --cell 4mm --out a.vtu", "image.inr"),
         ("image.inr --cell 4mm --scale 0.001 --out a.vtu", "own spacing"),
+        ("image.inr --cell 4mm --labels liver --out a.vtu", "NAME=LABEL"),
+        ("image.inr --cell 4mm --labels liver=0 --out a.vtu", "background"),
+        ("image.inr --cell 4mm --labels liver=1,tumour=1 --out a.vtu", "one name"),
+        ("gem.obj --cell 4mm --labels liver=1 --out a.vtu", "has no labels"),
     ] {
         let run = place.run(&format!("mesh make {arguments}"));
         assert!(run.code == Some(2) && run.err.contains(word), "{arguments}: {run:?}");

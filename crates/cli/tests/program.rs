@@ -183,6 +183,47 @@ fn tetrahedra_are_made_from_a_closed_surface() {
     assert_eq!(place.run("mesh make gem.obj --scale 0.001 --cell 5mm --out gem.vtu --force").code, Some(0));
 }
 
+/// The liver alone, without the organs beside it, from the program and from a scene.
+#[test]
+fn labels_of_an_image_are_chosen_by_name() {
+    let place = Place::new();
+    let image = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/scenes/liver.inr.gz");
+    std::fs::copy(image, place.path("organ.inr.gz")).unwrap();
+    let make =
+        |labels: &str| place.run(&format!("mesh make organ.inr.gz --cell 30mm --out organ.vtu --force {labels}"));
+    let volume = || format::read(&place.path("organ.vtu")).unwrap().quality.volume;
+    assert_eq!(make("").code, Some(0));
+    let all = volume();
+    let alone = make("--labels liver=255");
+    assert_eq!(alone.code, Some(0), "{alone:?}");
+    assert!(alone.out.contains("liver: ") && !alone.out.contains("vessels"), "{}", alone.out);
+    assert!(volume() < 0.95 * all, "{} of {all}", volume());
+    let missing = make("--labels liver=255,bone=3");
+    assert!(
+        missing.code == Some(2) && missing.err.contains("label 3 of `bone`; it has 84, 85, 127, 255"),
+        "{missing:?}"
+    );
+
+    let block = "block = { min = [-0.03, -0.03, 0.0], max = [0.03, 0.03, 0.03], cells = [3, 3, 2] }";
+    let scene = |labels: &str| {
+        let body = format!("image = \"organ.inr.gz\"\ncell = 0.03\nlabels = {labels}");
+        let held = "above = { axis = \"y\", at = 0.15 }";
+        place.write("organ.toml", &SCENE.replace(block, &body).replace("node_set = \"z_min\"", held));
+        place.run("check organ.toml")
+    };
+    let check = scene("{ liver = 255 }");
+    assert_eq!(check.code, Some(0), "{check:?}");
+    for (labels, word) in [
+        ("{ liver = 255, bone = 3 }", "organ.toml:9:"),
+        ("{ liver = 0 }", "background"),
+        ("{ a = 255, b = 255 }", "one name"),
+        ("{ liver = 256 }", "256"),
+    ] {
+        let run = scene(labels);
+        assert!(run.code == Some(2) && run.err.contains(word), "{labels}: {run:?}");
+    }
+}
+
 #[test]
 fn a_reader_that_goes_away_is_no_mistake() {
     let place = Place::new();

@@ -45,6 +45,31 @@ fn the_exit_code_says_whether_the_tolerance_was_met() {
     assert!(one.out.contains("limit of iterations"), "{}", one.out);
 }
 
+/// Relaxed or in another order, sweeps end at the same forces, after other numbers of sweeps.
+#[test]
+fn gauss_seidel_takes_relaxation_and_order() {
+    let place = Place::new();
+    place.write("two.dat", FRICTION);
+    let sweeps = |more: &str| {
+        let run = place.run(&format!("solve two.dat --solver gauss_seidel --tol 1e-10 --json --out out.json {more}"));
+        assert_eq!(run.code, Some(0), "{run:?}");
+        let told: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+        let solution: serde_json::Value = serde_json::from_str(&place.text("out.json")).unwrap();
+        let lambda: Vec<f64> = serde_json::from_value(solution["lambda"].clone()).unwrap();
+        (told[0]["runs"][0]["report"]["iterations"].as_u64().unwrap(), lambda)
+    };
+    let (plain, forces) = sweeps("");
+    for more in ["--relaxation 0.5", "--sweep-order symmetric", "--sweep-order shuffled --relaxation 0.8"] {
+        let (_, others) = sweeps(more);
+        assert!(forces.iter().zip(&others).all(|(a, b)| (a - b).abs() < 1e-8), "{more}: {forces:?} {others:?}");
+    }
+    assert!(sweeps("--relaxation 0.5").0 > plain, "smaller changes need more sweeps");
+    let run = place.run("solve two.dat --relaxation 0.5");
+    assert!(run.code == Some(2) && run.err.contains("for Gauss-Seidel"), "{run:?}");
+    assert_eq!(place.run("solve two.dat --solver gauss_seidel --relaxation 1.5").code, Some(2));
+    assert_eq!(place.run("solve two.dat --solver gauss_seidel --sweep-order random").code, Some(2));
+}
+
 #[test]
 fn json_and_solution_are_whole() {
     let place = Place::new();

@@ -252,7 +252,7 @@ pub fn correct<I: InverseRows>(
     finish(system, dt, found, delta_v)
 }
 
-/// As [`correct`], for an exact correction that begins there: by a copy of the inverse in single precision where it has one.
+/// As [`correct`], for an exact correction that begins there: by a rougher copy of the inverse where it has one.
 pub fn guess<I: InverseRows>(
     system: WarpedInverse<'_, I>,
     lambda: &[f64],

@@ -13,12 +13,14 @@
 /// Pivots below this share of the row's own compliance are rounding: the row depends on those eliminated before.
 const DEPENDENT: f64 = 1e-12;
 
-/// Eliminates the rows from `kept` on out of the symmetric `n x n` matrix `w` (m/N, by columns) in place: afterwards its
-/// leading `kept x kept` block is the condensed compliance, and the rest is spent.
+/// Eliminates the rows from `kept` on out of the symmetric `n x n` matrix `w` (m/N, by columns) in place, `n` the length of
+/// `free`: afterwards its leading `kept x kept` block is the condensed compliance, and the rest is spent. `free` (m) is how the
+/// rows move without forces; afterwards its leading `kept` numbers are that with the others held.
 ///
-/// Returns how many rows held something; `None`, and `w` unchanged, where `w` is not `n x n` or a number is not finite.
-pub fn condense(w: &mut [f64], n: usize, kept: usize) -> Option<usize> {
-    if w.len() != n * n || kept > n || !w.iter().all(|x| x.is_finite()) {
+/// Returns how many rows held something; `None`, and nothing changed, where `w` is not `n x n` or a number is not finite.
+pub fn condense(w: &mut [f64], free: &mut [f64], kept: usize) -> Option<usize> {
+    let n = free.len();
+    if w.len() != n * n || kept > n || !w.iter().chain(&*free).all(|x| x.is_finite()) {
         return None;
     }
     let mut held = 0;
@@ -37,6 +39,8 @@ pub fn condense(w: &mut [f64], n: usize, kept: usize) -> Option<usize> {
                 column[..k].iter_mut().zip(&from[..k]).for_each(|(entry, x)| *entry -= share * x);
             }
         }
+        let share = free[k] / pivot;
+        free[..k].iter_mut().zip(&from[..k]).for_each(|(entry, x)| *entry -= share * x);
     }
     Some(held)
 }
@@ -44,7 +48,7 @@ pub fn condense(w: &mut [f64], n: usize, kept: usize) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::DMatrix;
+    use nalgebra::{DMatrix, DVector};
 
     /// A compliance as a chain of springs to the ground has it, plus a part that couples all.
     fn compliance(n: usize) -> DMatrix<f64> {
@@ -57,7 +61,17 @@ mod tests {
         for (n, kept) in [(1, 1), (5, 5), (5, 4), (9, 3), (12, 1), (4, 0)] {
             let full = compliance(n);
             let mut w = full.as_slice().to_vec();
-            assert_eq!(condense(&mut w, n, kept), Some(n - kept));
+            let free = DVector::from_fn(n, |i, _| 1e-3 * (i as f64).sin() + 2e-3);
+            let mut kept_free = free.as_slice().to_vec();
+            assert_eq!(condense(&mut w, &mut kept_free, kept), Some(n - kept));
+            // The forces that bring the others back move the kept ones by what is left.
+            let (across, held) =
+                (full.view((0, kept), (kept, n - kept)), full.view((kept, kept), (n - kept, n - kept)));
+            let expected = free.rows(0, kept) - across * held.try_inverse().unwrap() * free.rows(kept, n - kept);
+            assert!(
+                (DVector::from_column_slice(&kept_free[..kept]) - expected).amax() < 1e-15,
+                "{n} rows, {kept} kept"
+            );
             let condensed = DMatrix::from_column_slice(n, n, &w).view((0, 0), (kept, kept)).into_owned();
             let stiffness = full.try_inverse().unwrap();
             let product = condensed * stiffness.view((0, 0), (kept, kept));
@@ -70,7 +84,7 @@ mod tests {
         let full = compliance(4);
         let twice = DMatrix::from_fn(5, 5, |i, j| full[(i.min(3), j.min(3))]);
         let (mut once, mut w) = (full.as_slice().to_vec(), twice.as_slice().to_vec());
-        assert_eq!((condense(&mut once, 4, 3), condense(&mut w, 5, 3)), (Some(1), Some(1)));
+        assert_eq!((condense(&mut once, &mut [0.0; 4], 3), condense(&mut w, &mut [0.0; 5], 3)), (Some(1), Some(1)));
         for i in 0..3 {
             for j in 0..3 {
                 assert!((once[4 * j + i] - w[5 * j + i]).abs() < 1e-18);
@@ -82,10 +96,11 @@ mod tests {
     fn what_is_not_finite_or_not_square_is_refused_untouched() {
         let mut w = compliance(3).as_slice().to_vec();
         let before = w.clone();
-        assert_eq!(condense(&mut w, 2, 1), None);
-        assert_eq!(condense(&mut w, 3, 4), None);
+        assert_eq!(condense(&mut w, &mut [0.0; 2], 1), None);
+        assert_eq!(condense(&mut w, &mut [0.0; 3], 4), None);
         assert_eq!(w, before);
+        assert_eq!(condense(&mut w, &mut [0.0, f64::NAN, 0.0], 1), None);
         w[4] = f64::NAN;
-        assert_eq!(condense(&mut w, 3, 1), None);
+        assert_eq!(condense(&mut w, &mut [0.0; 3], 1), None);
     }
 }

@@ -9,14 +9,14 @@
 // The vendor's functions.
 #![allow(unsafe_code)]
 
-use std::ffi::{CStr, c_char, c_double, c_int, c_uchar, c_uint};
+use std::ffi::{c_char, c_double, c_int, c_uchar, c_uint};
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, Freedoms, HapticDevice, TickTime};
 use palpate_haptics::wrench::{Twist, Wrench};
 
 use crate::error::DriverError;
-use crate::library::{Origin, VendorLibrary};
+use crate::library::{Origin, VendorLibrary, text_of, vendor_functions};
 use crate::{Driver, DriverConfig, Opened};
 
 /// Line in the register of drivers.
@@ -56,24 +56,8 @@ const ERROR_NOT_READY: c_int = 12;
 const GRIPPER_GAP: f64 = 25e-3;
 const GRIPPER_FORCE: f64 = 8.0;
 
-/// Declares the functions that are used, each once.
-macro_rules! functions {
-    ($($field:ident = $symbol:literal: fn($($argument:ty),*) -> $answer:ty;)*) => {
-        #[derive(Clone, Copy)]
-        struct Functions {
-            $($field: unsafe extern "C" fn($($argument),*) -> $answer,)*
-        }
-
-        impl Functions {
-            fn of(library: &VendorLibrary) -> Result<Self, DriverError> {
-                // SAFETY: the signatures are those of `dhdc.h`; the library is kept beside the functions.
-                Ok(unsafe { Self { $($field: library.function($symbol)?,)* } })
-            }
-        }
-    };
-}
-
-functions! {
+vendor_functions! {
+    /// Functions of `dhdc.h`.
     device_count = "dhdGetDeviceCount": fn() -> c_int;
     open = "dhdOpen": fn() -> c_int;
     close = "dhdClose": fn(c_char) -> c_int;
@@ -104,7 +88,7 @@ impl Functions {
             (code, (self.error_text)(code))
         };
         // SAFETY: as above; NULL is looked for.
-        (code, unsafe { text_of(text) })
+        (code, unsafe { text_of(text) }.unwrap_or_else(|| format!("error {code}")))
     }
 
     /// The error of a call that has failed in mid-run.
@@ -116,18 +100,6 @@ impl Functions {
             code => DeviceError::Driver(code),
         }
     }
-}
-
-/// A text of the library.
-///
-/// # Safety
-/// `text` is NULL or closed by a zero.
-unsafe fn text_of(text: *const c_char) -> String {
-    if text.is_null() {
-        return "no name".into();
-    }
-    // SAFETY: as the caller promises.
-    unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
 }
 
 /// An open device.
@@ -180,7 +152,7 @@ fn spec(functions: &Functions, id: c_char) -> DeviceSpec {
     let (kind, name, senses, drives, gripper) = unsafe {
         (
             (functions.system_type)(id),
-            text_of((functions.system_name)(id)),
+            text_of((functions.system_name)(id)).unwrap_or_else(|| VENDOR.into()),
             (functions.has_wrist)(id),
             (functions.has_active_wrist)(id),
             (functions.has_gripper)(id),

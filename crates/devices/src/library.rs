@@ -3,6 +3,7 @@
 // Functions of a library are what its vendor says they are; no compiler can check it.
 #![allow(unsafe_code)]
 
+use std::ffi::{CStr, c_char};
 use std::path::{Path, PathBuf};
 
 use crate::error::DriverError;
@@ -58,6 +59,34 @@ impl VendorLibrary {
         })
     }
 }
+
+/// A text of the library; `None` for NULL.
+///
+/// # Safety
+/// `text` is NULL or closed by a zero.
+pub(crate) unsafe fn text_of(text: *const c_char) -> Option<String> {
+    // SAFETY: as the caller promises.
+    (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
+}
+
+/// Declares the functions of a vendor's header that a driver calls, each once, as `Functions`.
+macro_rules! vendor_functions {
+    ($(#[$of:meta])* $($field:ident = $symbol:literal: fn($($argument:ty),*) $(-> $answer:ty)?;)*) => {
+        $(#[$of])*
+        #[derive(Clone, Copy)]
+        pub(super) struct Functions {
+            $(pub(super) $field: unsafe extern "C" fn($($argument),*) $(-> $answer)?,)*
+        }
+
+        impl Functions {
+            pub(super) fn of(library: &VendorLibrary) -> Result<Self, DriverError> {
+                // SAFETY: the signatures are those of the vendor's header; the library is kept beside the functions.
+                Ok(unsafe { Self { $($field: library.function($symbol)?,)* } })
+            }
+        }
+    };
+}
+pub(crate) use vendor_functions;
 
 /// An error with its causes.
 fn full_text(error: &dyn std::error::Error) -> String {

@@ -5,7 +5,7 @@
 //!
 //! `cargo run --release -p palpate-fem --example factor_times [repetitions] [least]`; with `least`, the least times instead, which a
 //! busy machine disturbs less. With the environment variable `ONLY`, instead of all that one line per body: `W` of 30 to 1,440
-//! rows, scattered and in a patch, factorisations and single solves by faer, in double and in single precision. On as many threads as `RAYON_NUM_THREADS` says, or two.
+//! rows, scattered and in a patch, factorisations and single solves by faer, in double precision and by the copy in 16 bits. On as many threads as `RAYON_NUM_THREADS` says, or two.
 #![allow(clippy::print_stdout)]
 
 use std::sync::Arc;
@@ -125,9 +125,9 @@ fn run(alone: bool) {
             let double = clock.time(|| {
                 let _ = factor.solve(&mut x, &mut ws);
             });
-            let mut rounded = Factor::with_single_precision_copy(symbolic.clone());
+            let mut rounded = Factor::with_packed_copy(symbolic.clone());
             rounded.refactor(&a);
-            let single = clock.time(|| {
+            let short = clock.time(|| {
                 let _ = rounded.precondition(&mut x, &mut ws);
             });
             let mut y = x.clone();
@@ -136,7 +136,7 @@ fn run(alone: bool) {
             });
             if std::env::var("ONLY").is_ok() {
                 println!(
-                    "{n} faer {left_looking:.1} own {factorisation:.1} solve: faer {faer:.2} own {double:.2} single {single:.2}"
+                    "{n} faer {left_looking:.1} own {factorisation:.1} solve: faer {faer:.2} own {double:.2} 16 bits {short:.2}"
                 );
                 continue;
             }

@@ -30,8 +30,8 @@ impl Preconditioner for FactorPreconditioner<'_> {
 }
 
 /// `P⁻¹ = R A₀⁻¹ Rᵀ`: an older factor, carried along by the nodal rotations `R` since it was taken
-/// (Courtecuisse et al. 2010). By the factor's copy in single precision where it keeps one: an old factor is wrong by far
-/// more than rounding.
+/// (Courtecuisse et al. 2010). By the factor's copy in 16 bits where it keeps one: an old factor is wrong by far more than
+/// rounding.
 pub struct WarpedPreconditioner<'a> {
     /// The latest good factor, of `A₀`.
     pub factor: &'a Factor,

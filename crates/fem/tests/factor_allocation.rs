@@ -25,7 +25,7 @@ fn run_paths_allocate_nothing() {
     let n = body.free_nodes();
     let symbolic = SymbolicFactor::new(&body.pattern, &body.positions).unwrap().with_room_for_changes(40);
     let symbolic = Arc::new(symbolic);
-    let mut factor = Factor::with_single_precision_copy(symbolic.clone());
+    let mut factor = Factor::with_packed_copy(symbolic.clone());
     let matrices = [body.system(2), body.system(3)];
     let mut change = MatrixChange::with_capacity(n, 40);
     let mut stiffened = matrices[0].clone();

@@ -74,7 +74,7 @@ fn same_bits_for_any_number_of_threads() {
     let b = Random(10).vector(3 * body.free_nodes());
     let bits = |threads: Option<usize>| {
         let run = || {
-            let mut factor = Factor::with_single_precision_copy(symbolic.clone());
+            let mut factor = Factor::with_packed_copy(symbolic.clone());
             let report = factor.refactor(&a);
             assert_eq!(report.status, FactorStatus::Ok);
             let (mut x, mut y) = (b.clone(), b.clone());
@@ -96,7 +96,7 @@ fn same_bits_for_any_number_of_threads() {
 }
 
 #[test]
-fn a_copy_in_single_precision_costs_no_iterations() {
+fn a_copy_in_16_bits_costs_no_iterations() {
     // stiffness ratio 10 within the body; the factor is of a matrix with other stiffnesses
     let body = Body::block([10, 9, 9], 11);
     let (old, new) = (body.system(12), body.system(13));
@@ -117,18 +117,18 @@ fn a_copy_in_single_precision_costs_no_iterations() {
         (report.iterations, x, direct)
     };
     let (double, x, exact) = solve(Factor::new(symbolic.clone()));
-    let (single, y, rounded) = solve(Factor::with_single_precision_copy(symbolic.clone()));
+    let (packed, y, rounded) = solve(Factor::with_packed_copy(symbolic.clone()));
     assert!(double > 5, "{double} iterations: the two matrices are too alike");
-    assert!(single.abs_diff(double) <= 1, "{single} iterations instead of {double}");
+    assert!(packed.abs_diff(double) <= 1, "{packed} iterations instead of {double}");
     // residuals of 1e-9 times the condition of A, some 1e3
     assert!(relative_difference(&y, &x) < 1e-6);
-    // rounding 6e-8 times the same; and it is the copy that was used
+    // rounding of L by 1.5e-5 of a column's largest number, times the condition of L; and it is the copy that was used
     let difference = relative_difference(&rounded, &exact);
-    assert!((1e-10..1e-4).contains(&difference), "{difference:e}");
+    assert!((1e-7..5e-4).contains(&difference), "{difference:e}");
 }
 
 #[test]
-fn the_copy_in_single_precision_solves_as_the_factor_for_any_shape_of_front() {
+fn the_copy_in_16_bits_solves_as_the_factor_for_any_shape_of_front() {
     // one node; fronts whose columns and rows are no multiples of eight; a root front of one and of several panels
     for (cells, seed) in [([1, 1, 1], 18), ([2, 1, 1], 19), ([4, 3, 5], 20), ([40, 2, 2], 21), ([17, 15, 15], 22)] {
         let body = Body::block(cells, seed);
@@ -138,7 +138,7 @@ fn the_copy_in_single_precision_solves_as_the_factor_for_any_shape_of_front() {
             approximate_minimum_degree(&body.pattern),
         ] {
             let symbolic = Arc::new(SymbolicFactor::with_ordering(&body.pattern, ordering).unwrap());
-            let mut factor = Factor::with_single_precision_copy(symbolic.clone());
+            let mut factor = Factor::with_packed_copy(symbolic.clone());
             assert_eq!(factor.refactor(&a).status, FactorStatus::Ok);
             let b = Random(seed).vector(3 * body.free_nodes());
             let (mut x, mut y) = (b.clone(), b.clone());
@@ -148,11 +148,43 @@ fn the_copy_in_single_precision_solves_as_the_factor_for_any_shape_of_front() {
             assert!(factor.precondition(&mut other, &mut workspace).is_ok());
             assert!(factor.solve(&mut x, &mut workspace).is_ok());
             assert!(factor.precondition(&mut y, &mut workspace).is_ok());
-            // rounding of L by 6e-8, times the condition of A of some 1e3
+            // rounding of L by 1.5e-5 of a column's largest number, times the condition of L, the root of that of A of some 1e3
             let difference = relative_difference(&y, &x);
-            assert!(difference < 2e-5, "{cells:?}: {difference:e}");
+            assert!(difference < 5e-4, "{cells:?}: {difference:e}");
         }
     }
+}
+
+#[test]
+fn numbers_beyond_single_precision_are_solved_for_all_the_same() {
+    let body = Body::block([3, 3, 3], 23);
+    let mut a = body.system(24);
+    let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
+    let mut workspace = SolveWorkspace::new(&symbolic);
+    let mut solve = |a: &palpate_fem::sparse::SystemMatrix, b: &[f64]| {
+        let mut factor = Factor::with_packed_copy(symbolic.clone());
+        assert_eq!(factor.refactor(a).status, FactorStatus::Ok);
+        let (mut x, mut y) = (b.to_vec(), b.to_vec());
+        assert!(factor.solve(&mut x, &mut workspace).is_ok());
+        assert!(factor.precondition(&mut y, &mut workspace).is_ok());
+        (x, y)
+    };
+    // right-hand sides that single precision does not reach, and none
+    for size in [1e-100, 1e-45, 1.0, 1e45, 1e100] {
+        let b: Vec<f64> = Random(25).vector(3 * body.free_nodes()).iter().map(|b| b * size).collect();
+        let (x, y) = solve(&a, &b);
+        let difference = relative_difference(&y, &x);
+        assert!((1e-7..5e-4).contains(&difference), "{size:e}: {difference:e}");
+    }
+    assert!(solve(&a, &vec![0.0; 3 * body.free_nodes()]).1.iter().all(|y| *y == 0.0));
+    // what is not finite stays so
+    let mut b = Random(25).vector(3 * body.free_nodes());
+    b[4] = f64::NAN;
+    assert!(solve(&a, &b).1.iter().any(|y| y.is_nan()));
+    // a factor whose copy is not sound is the factor itself
+    a.blocks.iter_mut().for_each(|block| *block *= 1e-30);
+    let (x, y) = solve(&a, &Random(25).vector(3 * body.free_nodes()));
+    assert_eq!(x, y);
 }
 
 #[test]
@@ -161,7 +193,7 @@ fn a_copy_that_would_overflow_is_not_used() {
     let mut a = body.system(16);
     a.blocks.iter_mut().for_each(|block| *block *= 1e90);
     let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
-    let mut factor = Factor::with_single_precision_copy(symbolic.clone());
+    let mut factor = Factor::with_packed_copy(symbolic.clone());
     assert_eq!(factor.refactor(&a).status, FactorStatus::Ok);
     let b = Random(17).vector(3 * body.free_nodes());
     let (mut x, mut y) = (b.clone(), b);

@@ -184,7 +184,7 @@ fn rows_of_some_steps(body: &Body) -> [NodalRows; 6] {
 fn compliance_by_kept_nodes_is_that_by_rows_whatever_came_before() {
     let body = Body::block([9, 8, 7], 30);
     let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
-    let mut factor = Factor::with_single_precision_copy(symbolic.clone());
+    let mut factor = Factor::with_packed_copy(symbolic.clone());
     let mut kept = ReachWorkspace::new(&symbolic, 240).keeping_nodes(&symbolic);
     let mut plain = ReachWorkspace::new(&symbolic, 240);
     let sequence = rows_of_some_steps(&body);
@@ -208,9 +208,9 @@ fn compliance_by_kept_nodes_is_that_by_rows_whatever_came_before() {
             assert!(factor.correct(&lambda, &mut y, &mut plain).is_ok());
             assert!(factor.guess_correction(&lambda, &mut z, &mut kept).is_ok());
             assert!(relative_difference(&x, &y) < 1e-12, "rows {k}");
-            // rounding of L by 6e-8, times the condition of A of some 1e3; and it is the copy that was used
+            // rounding of L by 1.5e-5 of a column's largest number, times the condition of L; and it is the copy that was used
             let rough = relative_difference(&z, &y);
-            assert!((1e-12..2e-5).contains(&rough), "rows {k}: {rough:e}");
+            assert!((1e-7..5e-4).contains(&rough), "rows {k}: {rough:e}");
         }
     }
     // not the row of three nodes, nor scattered contacts that touch more nodes than they have rows

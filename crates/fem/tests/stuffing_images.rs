@@ -107,11 +107,16 @@ fn the_same_image_gives_the_same_mesh() {
 
 #[test]
 fn a_label_can_be_left_out() {
-    let mut image = ball_in_ball();
-    image.retain_labels(&[7]);
-    let (mesh, report) = stuff_image(&image, &stuffing(0.004)).unwrap();
-    assert_eq!(mesh.region_names, ["label_7"]);
+    let image = ball_in_ball();
+    let (mesh, report) = stuff_image(&image, &Stuffing::of_labels(0.004, [("shell", 7)])).unwrap();
+    assert_eq!(mesh.region_names, ["shell"]);
     assert!((report.quality.volume / report.label_volume - 1.0).abs() < 5e-3);
+    let mut alone = image.clone();
+    alone.retain_labels(&[7]);
+    assert_eq!(mesh.nodes, stuff_image(&alone, &stuffing(0.004)).unwrap().0.nodes);
+
+    let error = stuff_image(&image, &Stuffing::of_labels(0.004, [("shell", 7), ("tumour", 8)])).unwrap_err();
+    assert!(matches!(&error, StuffingError::NoSuchLabel { label: 8, name, .. } if name == "tumour"), "{error}");
 }
 
 #[test]

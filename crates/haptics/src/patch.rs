@@ -1,9 +1,12 @@
 //! The tissue around the tool, as the step hands it to the tick: skin, shape and compliance, in memory of fixed size.
 //!
 //! ```text
-//! x = q_free + C f                   m, position of the nodes under nodal contact forces f (N)
+//! x = q_free + d t/h + C f           m, position of the nodes under nodal contact forces f (N), t ≤ h after the step
 //! C = h² S A⁻¹ Sᵀ                    m/N, 3 × 3 blocks; S picks the patch's nodes; zero for nodes that are held fixed
 //! ```
+//! d, the drift, is how far the tissue would go without the tool until the next step, h later: a step ends in motion, and
+//! what moves already needs no force to be moved on.
+//!
 //! `force` is f of the tool as the step found it. `q_free` is where that leaves the nodes: the step's end less C f, so that the patch is
 //! tangent to the step's own answer, whatever method and however old a factor gave C.
 //!
@@ -33,6 +36,8 @@ pub struct HapticPatch {
     skin: SkinPatch,
     q_free: Vec<Vector3<f64>>,
     q_end: Vec<Vector3<f64>>,
+    /// d \[m\].
+    drift: Vec<Vector3<f64>>,
     force: Vec<Vector3<f64>>,
     compliance: Vec<f64>,
 }
@@ -55,6 +60,7 @@ impl HapticPatch {
             skin: SkinPatch::new(max_nodes),
             q_free: vec![Vector3::zeros(); max_nodes],
             q_end: vec![Vector3::zeros(); max_nodes],
+            drift: vec![Vector3::zeros(); max_nodes],
             force: vec![Vector3::zeros(); max_nodes],
             compliance: vec![0.0; size * size],
             bodies: BodyContacts::new(max_bodies),
@@ -67,11 +73,12 @@ impl HapticPatch {
         self.q_free.len()
     }
 
-    /// Takes everything out and marks the patch as not valid.
+    /// Takes everything out and marks the patch as not valid. What is gathered next does not drift until it is said to.
     pub fn clear(&mut self) {
         self.skin.clear();
         self.bodies.clear();
         (self.valid, self.law, self.left_out) = (false, Signorini.into(), 0);
+        self.drift.fill(Vector3::zeros());
     }
 
     /// Its triangles and nodes.
@@ -80,7 +87,7 @@ impl HapticPatch {
         &self.skin
     }
 
-    /// The same, to be gathered anew; shape, forces and compliance then hold old numbers and must be filled.
+    /// The same, to be gathered anew; shape, forces, drift and compliance then hold old numbers and must be filled.
     pub fn skin_mut(&mut self) -> &mut SkinPatch {
         &mut self.skin
     }
@@ -113,6 +120,18 @@ impl HapticPatch {
     #[must_use]
     pub fn q_end(&self) -> &[Vector3<f64>] {
         &self.q_end[..self.len()]
+    }
+
+    /// d: motion without contact from the end of the step to that of the next \[m\], one a node.
+    #[must_use]
+    pub fn drift(&self) -> &[Vector3<f64>] {
+        &self.drift[..self.len()]
+    }
+
+    /// The same, to be filled; zero after [`Self::clear`].
+    pub fn drift_mut(&mut self) -> &mut [Vector3<f64>] {
+        let nodes = self.len();
+        &mut self.drift[..nodes]
     }
 
     /// Nodal contact forces of the step \[N\], one a node.
@@ -210,6 +229,7 @@ impl HapticPatch {
         }
         (self.valid, self.law, self.left_out) = (other.valid, other.law, other.left_out);
         self.q_free_mut().copy_from_slice(other.q_free());
+        self.drift_mut().copy_from_slice(other.drift());
         self.force_mut().copy_from_slice(other.force());
         let nodes = self.len();
         self.q_end[..nodes].copy_from_slice(other.q_end());

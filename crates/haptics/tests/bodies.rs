@@ -21,7 +21,16 @@ const GAP: f64 = 2e-4;
 fn wall(feature: u64, gap: f64, tool: Option<ToolPart>) -> BodyContact {
     let free = Vector3::new(gap, 0.0, 0.0);
     let up = Matrix3::from_columns(&[Vector3::z(), Vector3::x(), Vector3::y()]);
-    BodyContact { feature, law: Signorini.into(), frame: up, tool, gap, free, force: Vector3::zeros() }
+    BodyContact {
+        feature,
+        law: Signorini.into(),
+        frame: up,
+        tool,
+        gap,
+        free,
+        drift: Vector3::zeros(),
+        force: Vector3::zeros(),
+    }
 }
 
 fn over(depth: f64) -> Vector3<f64> {

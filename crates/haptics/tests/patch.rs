@@ -268,3 +268,26 @@ fn a_bad_number_in_the_patch_or_the_pose_ends_the_force_and_it_recovers() {
     assert!(record.flags.contains(TickFlags::BAD_POSE) && record.wrench.force == Vector3::zeros());
     assert!(bench.rest(&good(1), place).active == 1);
 }
+
+/// A step ends with the sheet sinking as fast as the ball presses: what sinks by itself takes no more force. The next step is
+/// late, and the sheet waits for it.
+#[test]
+fn tissue_that_moves_on_with_the_ball_adds_no_force_until_its_step_is_over() {
+    let (ball, h) = (Ball::at_nodes(RADIUS), 1.0 / 30.0);
+    let mut snapshot = Sheet::springs(C).snapshot(1, &ball, &pose(over(1e-3, Vector3::zeros())));
+    let still = Bench::new(&ball, 0.0, |_| {}).rest(&snapshot, over(1e-3, Vector3::zeros()));
+    let sinks = Vector3::new(2e-3, 0.0, -4e-3);
+    snapshot.patch.drift_mut().fill(sinks);
+    let mut bench = Bench::new(&ball, 0.0, |_| {});
+    for k in 0..60 {
+        let share = (f64::from(k) * 1e-3 / h).min(1.0);
+        let (with, record) = (sinks * share, bench.at(&snapshot, over(1e-3, sinks * share)));
+        let tool = record.tool_pose.translation.vector - with;
+        let expected = tool.normalize() * ((RADIUS - tool.norm()) / C);
+        assert!((record.contact_wrench.force - expected).norm() < 1e-6, "tick {k}: {expected}");
+        if k > 40 {
+            // The coupling's damper has died down.
+            assert!((record.contact_wrench.force - still.contact_wrench.force).norm() < 1e-6, "tick {k}");
+        }
+    }
+}

@@ -10,7 +10,7 @@ use palpate_haptics::device::DeviceError;
 use crate::changes::TakenChange;
 use crate::refresh::RefreshReport;
 use crate::run::{Observer, Progress};
-use crate::step::{FactorFit, StepReport, StepStatus};
+use crate::step::{FactorFit, FailedElement, StepReport, StepStatus, Tangle};
 use crate::summary::{EventRecord, PortSummary, RunEnd, Tail};
 use crate::tick::{TickFlags, TickReport};
 use crate::world::{Rung, World};
@@ -51,7 +51,9 @@ pub(crate) struct Gathering {
     fall_backs: u64,
     answered: BTreeMap<&'static str, u64>,
     shortened: u64,
-    rescued: [u64; 2], // repeated; with elements held open
+    rescued: [u64; 4], // repeated; with elements held open; tangled; led
+    /// The tangle of the last step, with the time at which it was first seen (s).
+    tangle: Option<(f64, Tangle)>,
     unsettled: u64,
     filtered: u64,
     inverted: u64,
@@ -113,7 +115,8 @@ impl Gathering {
             fall_backs: 0,
             answered: BTreeMap::new(),
             shortened: 0,
-            rescued: [0; 2],
+            rescued: [0; 4],
+            tangle: None,
             unsettled: 0,
             filtered: 0,
             inverted: 0,
@@ -164,6 +167,10 @@ impl Gathering {
         self.shortened += u64::from(report.cuts > 0);
         self.rescued[0] += u64::from(report.repeated > 0);
         self.rescued[1] += u64::from(report.folds.folded > 0);
+        self.rescued[2] += u64::from(report.tangle.is_some());
+        self.rescued[3] += u64::from(report.led);
+        let since = self.tangle.map_or(report.time, |(since, _)| since);
+        self.tangle = report.tangle.map(|tangle| (since, tangle));
         self.unsettled += u64::from(report.unsettled);
         self.filtered += u64::from(report.assembly.filtered);
         self.inverted += u64::from(report.assembly.inverted);
@@ -185,11 +192,7 @@ impl Gathering {
         if report.status == StepStatus::RolledBack {
             self.failed = true;
             let place = match report.failed {
-                Some(failed) => {
-                    let region = self.regions.get(usize::from(failed.region));
-                    let region = region.map(|name| format!(" of region `{name}`")).unwrap_or_default();
-                    format!("at tetrahedron {}{region}", failed.tetrahedron)
-                }
+                Some(failed) => self.name(failed),
                 None => "nowhere in particular".into(),
             };
             let cause = match report.assembly.non_finite {
@@ -203,6 +206,13 @@ impl Gathering {
             ));
         }
         observer.step(report);
+    }
+
+    /// An element in words.
+    fn name(&self, element: FailedElement) -> String {
+        let region = self.regions.get(usize::from(element.region));
+        let region = region.map(|name| format!(" of region `{name}`")).unwrap_or_default();
+        format!("at tetrahedron {}{region}", element.tetrahedron)
     }
 
     pub(crate) fn refresh(&mut self, report: &RefreshReport) {

@@ -52,7 +52,7 @@ pub struct FactorSample {
     pub(crate) memory: Vec<Vector6<f64>>,
     /// Events before the step that made it anew where no factor stage does; 0 where none has.
     pub(crate) renewed: usize,
-    /// `A = Pᵀ L Lᵀ P`, with a copy in single precision as the preconditioner of later steps.
+    /// `A = Pᵀ L Lᵀ P`, with a copy in 16 bits as the preconditioner of later steps.
     pub factor: Factor,
 }
 
@@ -69,7 +69,7 @@ impl FactorSample {
         q: &[Vector3<f64>],
         system: &SystemMatrix,
     ) -> Result<Self, FactorStatus> {
-        let mut factor = Factor::with_single_precision_copy(Arc::clone(symbolic));
+        let mut factor = Factor::with_packed_copy(Arc::clone(symbolic));
         match factor.refactor(system).status {
             FactorStatus::Ok => Ok(Self { epoch, step, time, q: q.into(), memory: Vec::new(), renewed: 0, factor }),
             status => Err(status),

@@ -46,7 +46,7 @@ impl<'w> Simulation<'w> {
             state: StepState::new(world, rest),
             ws,
             factor,
-            spare: Factor::with_single_precision_copy(Arc::clone(world.symbolic())),
+            spare: Factor::with_packed_copy(Arc::clone(world.symbolic())),
             snapshot: world.empty_snapshot(),
             refresh_every: 1,
             settled: settled.copied(),

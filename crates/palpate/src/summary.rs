@@ -236,6 +236,10 @@ pub struct RunSummary {
     pub repeated: u64,
     /// Steps that held an element open.
     pub held_open: u64,
+    /// Steps that began with tissue that had passed through itself.
+    pub tangled: u64,
+    /// Steps that led the body out of a tangle by linear elasticity in place of its law.
+    pub led: u64,
     /// Steps by Newton's method whose contact forces still changed when their passes were used up.
     pub unsettled: u64,
     /// Elements whose tangent the definiteness filter changed, over all steps.

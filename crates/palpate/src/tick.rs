@@ -60,7 +60,7 @@ impl TickStage {
                 detection: *world.detection(),
                 max_nodes: world.patch_nodes(),
                 max_bodies: world.body_contacts(),
-                hand_over: world.description().tick.hand_over,
+                hand_over: world.hand_over(),
             };
             tick = tick.on_patches(on_patches).map_err(refused)?;
         }

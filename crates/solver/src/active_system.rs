@@ -62,7 +62,7 @@ pub(crate) struct ActiveSystem {
     /// Iterations of the last solution by iteration.
     last_iterations: usize,
     coupled: Vec<CoupledBlock>,
-    single: SingleCompliance,
+    pub(crate) single: SingleCompliance,
     /// `W d_given` in single precision, relative to the largest of `d_given`.
     single_gap: Vec<f32>,
     /// Right side, a quad for each block.

@@ -102,7 +102,7 @@ fn product(A: &Columns, B: &Columns) -> Columns {
 
 /// The inverse, by the adjugate; infinite or undefined where there is none.
 #[inline(always)]
-fn inverse(A: &Columns) -> Columns {
+pub(crate) fn inverse(A: &Columns) -> Columns {
     let cross = |a: &Quad, b: &Quad| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let rows = [cross(&A[1], &A[2]), cross(&A[2], &A[0]), cross(&A[0], &A[1])];
     let determinant = A[0][0] * rows[0][0] + A[0][1] * rows[0][1] + A[0][2] * rows[0][2];

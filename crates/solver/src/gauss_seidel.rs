@@ -46,6 +46,21 @@ pub enum SweepOrder {
     Shuffled,
 }
 
+impl SweepOrder {
+    /// All orders.
+    pub const ALL: [Self; 3] = [Self::Forward, Self::Symmetric, Self::Shuffled];
+
+    /// Name in scenes and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Forward => "forward",
+            Self::Symmetric => "symmetric",
+            Self::Shuffled => "shuffled",
+        }
+    }
+}
+
 /// Parameters of block Gauss-Seidel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]

@@ -26,6 +26,8 @@ pub(crate) enum Advance {
     Updated,
     /// It was formed anew.
     Formed,
+    /// So many iterations were done at once, and the gap formed anew.
+    Several(u32),
     /// The method ends itself; forces and gap are as they were.
     Ended(SolveStatus),
 }
@@ -136,12 +138,15 @@ fn iterate(
         if now.iteration - milestone.iteration >= stop.stall.max(1) {
             return (SolveStatus::Stalled, now.iteration, best);
         }
+        let mut done = 1;
         match advance(lambda, ws, now.residual.relative) {
             Advance::Updated => age += 1,
             Advance::Formed => age = 0,
+            Advance::Several(iterations) => (age, done) = (0, iterations),
             Advance::Ended(status) => return (status, now.iteration, best),
         }
-        now = Mark { residual: residual(view, lambda, scale, ws), iteration: now.iteration + 1 };
+        let iteration = now.iteration.saturating_add(done);
+        now = Mark { residual: residual(view, lambda, scale, ws), iteration };
     }
 }
 

@@ -28,6 +28,8 @@ pub mod problem_file;
 mod proximal;
 pub mod report;
 pub mod residual;
+mod rough_contact;
+mod rough_sweeps;
 mod single;
 pub mod solver;
 mod tableau;

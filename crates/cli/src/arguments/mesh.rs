@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::values::{length, positive};
+use super::values::{label, length, positive};
 
 #[derive(Debug, Args)]
 pub(crate) struct MeshArguments {
@@ -26,6 +26,7 @@ pub(crate) enum MeshCommand {
     /// Make tetrahedra from a label image (INRIMAGE, NIfTI) or a closed surface (STL, OBJ, PLY).
     #[command(after_help = "Examples:
   palpate mesh make liver.inr.gz --cell 10mm --out organ.vtu
+  palpate mesh make liver.inr.gz --cell 10mm --labels parenchyma=255,lesion=85 --out liver.vtu
   palpate mesh make kidney.stl --scale 0.001 --cell 4mm --out kidney.vtu")]
     Make {
         /// Label image or closed surface.
@@ -33,6 +34,9 @@ pub(crate) enum MeshCommand {
         /// Lattice constant, with a unit: 10mm, 1cm, 0.01 (metres).
         #[arg(long, value_name = "LENGTH", value_parser = length)]
         cell: f64,
+        /// Labels of the image by the names of their regions; all others are background. All labels by default.
+        #[arg(long, value_name = "NAME=LABEL,...", value_delimiter = ',', value_parser = label)]
+        labels: Vec<(String, u8)>,
         /// Mesh file to write (.vtu).
         #[arg(long, value_name = "FILE")]
         out: PathBuf,

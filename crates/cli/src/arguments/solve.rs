@@ -4,12 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::values::{count, positive, solver_names, tolerance};
+use super::values::{count, positive, relaxation, solver_names, sweep_orders, tolerance};
 
 pub(super) const SOLVE_EXAMPLES: &str = "Examples:
   palpate run block --lockstep --save-problems problems
   palpate solve problems/step-000050-pass-00001.json --solver all
   palpate solve problems/*.json --warm --solver gauss_seidel --json > runs.json
+  palpate solve problems/*.json --solver gauss_seidel --sweep-order shuffled --relaxation 0.8
   palpate solve friction.dat --tol 1e-10 --max-iter 500 --out solution.json
 
 Exit codes:
@@ -31,6 +32,12 @@ pub(crate) struct SolveArguments {
     /// Limit of iterations; the solver's own by default.
     #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true)]
     pub(crate) max_iter: Option<u32>,
+    /// Part of each local change that Gauss-Seidel takes, above 0 and at most 1.
+    #[arg(long, value_name = "R", value_parser = relaxation, allow_negative_numbers = true)]
+    pub(crate) relaxation: Option<f64>,
+    /// Order in which Gauss-Seidel visits the blocks; `forward` by default.
+    #[arg(long, value_name = "ORDER", value_parser = sweep_orders())]
+    pub(crate) sweep_order: Option<String>,
     /// Begin with the forces that the file holds (`start`, as `palpate run --save-problems` writes it) instead of none.
     #[arg(long)]
     pub(crate) warm: bool,

@@ -1,5 +1,6 @@
 //! Values that arguments take, and what is said where they cannot be.
 
+use palpate::solver::gauss_seidel::SweepOrder;
 use palpate::solver::solver::Solver;
 
 /// A positive number.
@@ -19,6 +20,26 @@ pub(super) fn count(text: &str) -> Result<u32, String> {
         Ok(n @ 1..) => Ok(n),
         _ => Err(format!("give a whole number, at least 1 and at most {}", u32::MAX)),
     }
+}
+
+/// A label of an image and the name of its region.
+pub(super) fn label(text: &str) -> Result<(String, u8), String> {
+    let named = text.split_once('=').filter(|(name, _)| !name.trim().is_empty());
+    let (name, label) = named.ok_or_else(|| format!("`{text}`: give NAME=LABEL, such as liver=255"))?;
+    match label.trim().parse() {
+        Ok(label @ 1..=255) => Ok((name.trim().into(), label)),
+        _ => Err(format!("`{label}`: give a label from 1 to 255; 0 is the background")),
+    }
+}
+
+/// Part of each local change that Gauss-Seidel takes.
+pub(super) fn relaxation(text: &str) -> Result<f64, String> {
+    positive(text).and_then(|r| if r <= 1.0 { Ok(r) } else { Err("give a number above 0 and at most 1".into()) })
+}
+
+/// Names that `--sweep-order` takes.
+pub(super) fn sweep_orders() -> clap::builder::PossibleValuesParser {
+    SweepOrder::ALL.map(SweepOrder::name).into()
 }
 
 /// Names that `--solver` takes.

@@ -16,7 +16,9 @@ use crate::output::{check_kept, check_writable, say};
 
 pub(crate) fn mesh(arguments: &MeshArguments) -> Result<u8> {
     match (&arguments.make, &arguments.file) {
-        (Some(MeshCommand::Make { image, cell, out, scale, force }), _) => make(image, *cell, out, *scale, *force),
+        (Some(MeshCommand::Make { image, cell, labels, out, scale, force }), _) => {
+            make(image, &stuffing(image, *cell, labels)?, out, *scale, *force)
+        }
         (None, Some(file)) => describe(file, arguments.scale, arguments.json),
         (None, None) => Err(miette!(help = "palpate mesh --help", "no mesh file is named")),
     }
@@ -43,8 +45,23 @@ fn describe(path: &Path, scale: f64, as_json: bool) -> Result<u8> {
     Ok(if refusal.is_some() { exit::UNUSABLE } else { 0 })
 }
 
+/// Cells of the labels that are asked for.
+fn stuffing(image: &Path, cell: f64, labels: &[(String, u8)]) -> Result<Stuffing> {
+    if !labels.is_empty() && is_surface(image) {
+        let help = "leave --labels out; only label images (INRIMAGE, NIfTI) have labels";
+        return Err(miette!(help = help, "{}: a surface has no labels", image.display()));
+    }
+    for (k, (name, label)) in labels.iter().enumerate() {
+        if let Some((other, _)) = labels[..k].iter().find(|(n, l)| n == name || l == label) {
+            let help = "give each label one name, and each name one label";
+            return Err(miette!(help = help, "--labels: {other} and {name}={label}"));
+        }
+    }
+    Ok(Stuffing::of_labels(cell, labels.iter().map(|(name, label)| (name.as_str(), *label))))
+}
+
 /// Makes tetrahedra from a label image or a closed surface.
-fn make(image: &Path, cell: f64, out: &Path, scale: Option<f64>, force: bool) -> Result<u8> {
+fn make(image: &Path, stuffing: &Stuffing, out: &Path, scale: Option<f64>, force: bool) -> Result<u8> {
     if out.extension().is_none_or(|e| !e.eq_ignore_ascii_case("vtu")) {
         return Err(miette!(help = "name the output FILE.vtu", "{}: only VTU is written", out.display()));
     }
@@ -57,8 +74,7 @@ fn make(image: &Path, cell: f64, out: &Path, scale: Option<f64>, force: bool) ->
     }
     check_kept("the output", out, &[image])?;
     check_writable("--out", out)?;
-    let stuffing = Stuffing { cell, ..Stuffing::default() };
-    let (mesh, report) = make_mesh(image, scale.unwrap_or(1.0), &stuffing).map_err(|e| match e {
+    let (mesh, report) = make_mesh(image, scale.unwrap_or(1.0), stuffing).map_err(|e| match e {
         SceneError::Stuffing(e) if scale.is_none() && is_surface(image) => {
             let help = "--scale 0.001 reads a surface in millimetres";
             miette!(help = help, "{}: {e}", image.display())

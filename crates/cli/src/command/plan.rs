@@ -41,7 +41,7 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
     let plan = world.plan();
     row(factorization(&world), Some(plan.factorization), Some(here.factorization));
     row("one solve with the factor", Some(plan.solve), Some(here.solve));
-    row("one solve in single precision, as a preconditioner", None, Some(here.precondition));
+    row("one solve in 16 bits, as a preconditioner", None, Some(here.precondition));
     row("the factor follows a change of one node", Some(plan.change_of_node()), here.change_of_node);
     if let Some(t) = &measured {
         for (name, time) in [
@@ -118,7 +118,7 @@ impl FactorTimes {
     fn measure(world: &World, simulation: &mut Simulation<'_>) -> Result<Self> {
         simulation.step(&world.first_pose());
         let system = &simulation.workspace().fem.system;
-        let mut factor = Factor::with_single_precision_copy(Arc::clone(world.symbolic()));
+        let mut factor = Factor::with_packed_copy(Arc::clone(world.symbolic()));
         if factor.refactor(system).status != FactorStatus::Ok {
             return Err(Report::msg("the matrix of the first step cannot be factored"));
         }

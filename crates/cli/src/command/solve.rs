@@ -4,6 +4,7 @@ use std::path::Path;
 
 use miette::{IntoDiagnostic, Report, Result, miette};
 use palpate::solver::comparison::{SolverRun, run_all_from};
+use palpate::solver::gauss_seidel::{GaussSeidelConfig, SweepOrder};
 use palpate::solver::problem::ConstraintProblem;
 use palpate::solver::problem_file::{self, ProblemFileError};
 use palpate::solver::solver::Solver;
@@ -25,6 +26,16 @@ pub(crate) fn solve(arguments: &SolveArguments) -> Result<u8> {
         }
         check_kept("--out", out, &arguments.files)?;
         check_writable("--out", out)?;
+    }
+    if (arguments.relaxation.is_some() || arguments.sweep_order.is_some())
+        && !["gauss_seidel", "all"].contains(&arguments.solver.as_str())
+    {
+        let help = "add --solver gauss_seidel (or all), or leave them out";
+        return Err(miette!(
+            help = help,
+            "--relaxation and --sweep-order are for Gauss-Seidel, not {}",
+            arguments.solver
+        ));
     }
     // Every file is read before any is solved: a mistake in the last must not cost the time of the others.
     let problems = arguments.files.iter().map(|file| open(file, arguments.warm)).collect::<Result<Vec<_>>>()?;
@@ -93,7 +104,18 @@ fn unreadable(file: &Path, error: &ProblemFileError) -> Report {
 fn solvers(arguments: &SolveArguments) -> Vec<Solver> {
     let wanted = |name: &&&str| arguments.solver == "all" || arguments.solver == ***name;
     let named = Solver::NAMES.iter().filter(wanted).filter_map(|name| Solver::from_name(name));
-    named.map(|solver| solver.limited(arguments.tol, arguments.max_iter)).collect()
+    named.map(|solver| swept(solver, arguments).limited(arguments.tol, arguments.max_iter)).collect()
+}
+
+/// Gauss-Seidel with the relaxation and the order that are asked for; other solvers as they are.
+fn swept(solver: Solver, arguments: &SolveArguments) -> Solver {
+    let Solver::GaussSeidel(default) = solver else { return solver };
+    let named = |name: &String| SweepOrder::ALL.into_iter().find(|order| order.name() == name);
+    Solver::GaussSeidel(GaussSeidelConfig {
+        relaxation: arguments.relaxation.unwrap_or(default.relaxation),
+        order: arguments.sweep_order.as_ref().and_then(named).unwrap_or(default.order),
+        ..default
+    })
 }
 
 fn description(file: &Path, problem: &ConstraintProblem, tolerance: f64, runs: &[SolverRun]) -> Value {

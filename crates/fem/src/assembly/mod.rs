@@ -15,19 +15,22 @@
 mod energy;
 mod fold;
 mod packed;
+mod rows;
 mod sum;
 mod upper;
 mod viscous;
+mod winding;
 
 use nalgebra::{Matrix3, Vector3};
 
+use self::rows::{for_rows, system_block};
 use self::sum::{Wanted, sum_elements};
-use self::upper::Half;
 pub(crate) use self::{energy::sum_by_halves, packed::PackLists, upper::UpperBlocks};
 pub use self::{
     energy::{elastic_energy, incremental_energy},
     fold::{FoldReport, Folds, OPEN_BELOW},
     viscous::advance_memory,
+    winding::{TangleReport, Windings},
 };
 use crate::{
     averaging::AveragingWorkspace,
@@ -57,6 +60,10 @@ pub struct FemWorkspace {
     pub filter: bool,
     /// Elements that are held open; at first none.
     pub folds: Folds,
+    /// Whether forces and tangents are those of linear elasticity in place of the laws, to lead the body out of a tangle: with
+    /// the shear moduli of the laws and Poisson's ratio 1/4, without viscosity. Its energy is convex, so that one equilibrium
+    /// is all it has. At first false; energies are not concerned.
+    pub led: bool,
     /// Upper blocks of `K`.
     upper: Vec<Matrix3<f64>>,
     /// Results of packs, of one kind or the other: one batch on one thread, all batches on several.
@@ -82,6 +89,7 @@ impl FemWorkspace {
             dt: f64::INFINITY,
             filter: model.filter(),
             folds: Folds::new(model),
+            led: false,
             upper: vec![Matrix3::zeros(); model.upper_blocks().count()],
             pack_results: vec![PackMatrices::ZERO; if quadratic { 0 } else { results }],
             quadratic_results: vec![QuadraticPackMatrices::ZERO; if quadratic { results } else { 0 }],
@@ -228,71 +236,4 @@ pub fn volume_ratios(model: &FemModel, state: &FemState) -> Vec<f64> {
         (_, Some(groups)) => groups.ratios(model.elements(), &state.q),
         _ => model.elements().iter().map(|e| e.deformation_gradient(&state.q).determinant()).collect(),
     }
-}
-
-/// One block of `mass M + stiffness K`. Diagonal blocks are made symmetric: their sums are so only up to rounding.
-#[inline]
-fn system_block(K: Half<'_>, coefficients: Coefficients, mass: f64, diagonal: bool) -> Matrix3<f64> {
-    let mut block = K.scaled(coefficients.stiffness);
-    if diagonal {
-        block = (block + block.transpose()) * 0.5;
-        for c in 0..3 {
-            block[(c, c)] += coefficients.mass * mass;
-        }
-    }
-    block
-}
-
-/// The row of a held node: a mass alone.
-fn hold(i: usize, model: &FemModel, blocks: &mut [Matrix3<f64>]) {
-    let mass = model.held_mass();
-    for (p, block) in model.pattern().row(i).zip(blocks) {
-        let diagonal = model.pattern().columns()[p] as usize == i;
-        *block = if diagonal { Matrix3::from_diagonal_element(mass) } else { Matrix3::zeros() };
-    }
-}
-
-/// Calls `row(free node, mesh node, blocks of the row)` for every row, in parallel where there are threads; what it
-/// returns goes to the right side. Held nodes have a row of their own.
-fn for_rows(
-    model: &FemModel,
-    system: &mut SystemMatrix,
-    rhs: &mut [f64],
-    row: impl Fn(usize, usize, &mut [Matrix3<f64>]) -> Vector3<f64> + Sync,
-) {
-    let pattern = model.pattern();
-    // Halves the rows until they are few, so that no task list is needed.
-    fn split(
-        rows: std::ops::Range<usize>,
-        model: &FemModel,
-        blocks: &mut [Matrix3<f64>],
-        rhs: &mut [f64],
-        row: &(impl Fn(usize, usize, &mut [Matrix3<f64>]) -> Vector3<f64> + Sync),
-        threads: usize,
-    ) {
-        let pattern = model.pattern();
-        let first = pattern.row(rows.start).start;
-        if rows.len() <= ROWS || threads == 1 {
-            for (i, rhs) in rows.zip(rhs.chunks_exact_mut(3)) {
-                let range = pattern.row(i);
-                let blocks = &mut blocks[range.start - first..range.end - first];
-                if model.held()[i] {
-                    hold(i, model, blocks);
-                    rhs.fill(0.0);
-                    continue;
-                }
-                rhs.copy_from_slice(row(i, model.node_of_free()[i] as usize, blocks).as_slice());
-            }
-            return;
-        }
-        let middle = rows.start + rows.len() / 2;
-        let (low, high) = blocks.split_at_mut(pattern.row(middle).start - first);
-        let (rhs_low, rhs_high) = rhs.split_at_mut(3 * (middle - rows.start));
-        rayon::join(
-            || split(rows.start..middle, model, low, rhs_low, row, threads),
-            || split(middle..rows.end, model, high, rhs_high, row, threads),
-        );
-    }
-    let threads = rayon::current_num_threads();
-    split(0..pattern.rows(), model, &mut system.blocks, rhs, &row, threads);
 }

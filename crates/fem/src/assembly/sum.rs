@@ -37,17 +37,19 @@ pub(super) fn sum_elements(
     // A workspace made on one thread assembles on one everywhere.
     let parallel = ws.parallel && rayon::current_num_threads() > 1;
     let tangents = wanted != Wanted::Forces;
-    if let Some(groups) = model.averaging() {
+    // Linear elasticity has its volume changes within each element.
+    let groups = model.averaging().filter(|_| !ws.led);
+    if let Some(groups) = groups {
         groups.pressures(model.packs(), q, wanted == Wanted::Tangents { filter: true }, parallel, &mut ws.averaging);
     }
-    let averaging = &ws.averaging;
+    let (led, averages) = (ws.led, &ws.averaging);
     let upper = if tangents { ws.upper.as_mut_slice() } else { &mut [] };
     let sums = Sums { lists: model.pack_lists(), batches: model.batches(), parallel, upper, f_int: &mut ws.f_int };
     let size = model.packs_of_batch();
     let report = if model.element_kind() == ElementKind::Quadratic {
         let points = || [PackMatrices::ZERO; POINTS];
         sums.fill(size, &mut ws.quadratic_results, points, |batch, points, results| {
-            let tissue = StepTissue::new(batch, state, dt);
+            let tissue = if led { StepTissue::led(batch) } else { StepTissue::new(batch, state, dt) };
             let (mut report, mut first) = (BatchReport::default(), 0);
             for (pack, out) in model.quadratic_packs()[batch.packs.clone()].iter().zip(results) {
                 for (k, (at, point)) in pack.at_points(q).iter().zip(&mut *points).enumerate() {
@@ -69,14 +71,15 @@ pub(super) fn sum_elements(
             &mut ws.pack_results,
             || (),
             |batch, (), results| {
-                let tissue = StepTissue::new(batch, state, dt);
+                let tissue = if led { StepTissue::led(batch) } else { StepTissue::new(batch, state, dt) };
                 let (mut report, mut first) = (BatchReport::default(), 0);
                 for (p, out) in batch.packs.clone().zip(results) {
                     let pack = &model.packs()[p];
-                    let at = DeformedPack { pressure: averaging.pressures.get(p), ..pack.at(q) };
+                    let pressure = groups.and_then(|_| averages.pressures.get(p));
+                    let at = DeformedPack { pressure, ..pack.at(q) };
                     tissue.pack(&at, |lane| first + lane, wanted, out);
-                    if let Some(groups) = model.averaging() {
-                        groups.mark_dropped(p, averaging, &mut out.filtered);
+                    if let Some(groups) = groups {
+                        groups.mark_dropped(p, averages, &mut out.filtered);
                     }
                     out.note(first as u32, pack.len, &mut report);
                     first += pack.len;
@@ -85,7 +88,7 @@ pub(super) fn sum_elements(
             },
         )
     };
-    if let (true, Some(groups)) = (tangents, model.averaging()) {
+    if let (true, Some(groups)) = (tangents, groups) {
         groups.add_blocks(parallel, &mut ws.averaging, &mut ws.upper);
     }
     let upper = if tangents { ws.upper.as_mut_slice() } else { &mut [] };

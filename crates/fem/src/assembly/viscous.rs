@@ -8,7 +8,7 @@ use super::sum::Wanted;
 use crate::{
     element::{ElementKind, quadratic::POINTS},
     material::{
-        Law, Material,
+        Law, Linear, Material,
         viscosity::{Relaxation, add_memory},
     },
     model::{Batch, FemModel, FemState},
@@ -38,6 +38,14 @@ impl<'a> StepTissue<'a> {
     /// The tissue as it answers an instantaneous deformation.
     pub(super) fn instantaneous(batch: &'a Batch) -> Self {
         Self { law: batch.tissue.material, relaxation: Relaxation { terms: &[], dt: 0.0 }, memory: &[] }
+    }
+
+    /// Linear elasticity with the shear modulus of the tissue; of averaged tissue the volume term is elsewhere, and so the
+    /// other modulus is one for all, `λ = μ`.
+    pub(super) fn led(batch: &'a Batch) -> Self {
+        let mu = batch.tissue.material.small_strain().mu;
+        let law = Linear::from_young_poisson(2.5 * mu, 0.25).into();
+        Self { law, relaxation: Relaxation { terms: &[], dt: 0.0 }, memory: &[] }
     }
 
     /// `Γ` of a point (Pa); none in elastic tissue.

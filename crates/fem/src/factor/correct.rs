@@ -1,7 +1,7 @@
 //! Motions under forces on rows whose half solves are at hand: `A⁻¹ Hᵀ λ = Pᵀ L⁻ᵀ Y λ`.
 
 use super::numeric::Factor;
-use super::packed_fronts;
+use super::packed_copy::PackedCopy;
 use super::reach::{ReachWorkspace, rows_per_block};
 use super::solve::{SolveStatus, permute_back};
 use super::substitution;
@@ -32,15 +32,15 @@ impl Factor {
         self.correct_by(None, lambda, x, workspace)
     }
 
-    /// As [`Self::correct`], by the copy of `L` in single precision where there is one: a relative error of about 1e-7 times
-    /// the condition of `A`. For what conjugate gradients start from.
+    /// As [`Self::correct`], by the copy of `L` in 16 bits where there is one, with the error of [`Self::precondition`]. For
+    /// what conjugate gradients start from.
     pub fn guess_correction(&self, lambda: &[f64], x: &mut [f64], workspace: &mut ReachWorkspace) -> SolveStatus {
-        self.correct_by(self.single(), lambda, x, workspace)
+        self.correct_by(self.packed(), lambda, x, workspace)
     }
 
     fn correct_by(
         &self,
-        packed: Option<&[f32]>,
+        packed: Option<&PackedCopy>,
         lambda: &[f64],
         x: &mut [f64],
         workspace: &mut ReachWorkspace,
@@ -56,10 +56,14 @@ impl Factor {
         }
         workspace.permuted.fill(0.0);
         workspace.add_combination(self.symbolic(), lambda);
-        let (permuted, rows) = (&mut workspace.permuted, &mut workspace.front_rows);
-        match packed {
-            Some(packed) => packed_fronts::backward(self.symbolic(), packed, permuted, rows),
-            None => substitution::backward(self.symbolic(), self.values(), permuted, rows),
+        let permuted = &mut workspace.permuted;
+        let by_copy = packed.is_some_and(|packed| {
+            workspace.packed.take(permuted);
+            workspace.packed.backward(self.symbolic(), packed);
+            workspace.packed.give(permuted)
+        });
+        if !by_copy {
+            substitution::backward(self.symbolic(), self.values(), permuted, &mut workspace.front_rows);
         }
         permute_back(&self.symbolic().ordering().old_of_new, &workspace.permuted, x);
         if let Some(update) = self.changed() {

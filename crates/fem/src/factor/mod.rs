@@ -25,6 +25,7 @@ mod multifrontal;
 mod nodal_compliance;
 mod numeric;
 mod packed;
+mod packed_copy;
 mod packed_fronts;
 mod packed_kernels;
 mod permuted_blocks;

@@ -7,6 +7,7 @@ use faer::sparse::linalg::cholesky::supernodal;
 
 use super::low_rank::LowRankUpdate;
 use super::multifrontal::{self, Fault};
+use super::packed_copy::PackedCopy;
 use super::symbolic::SymbolicFactor;
 use crate::sparse::SystemMatrix;
 
@@ -17,8 +18,9 @@ fn next_revision() -> u64 {
     1 + REVISIONS.fetch_add(1, Ordering::Relaxed)
 }
 
-/// Squares of pivots (unit of `A`) that single precision holds with room to spare: its numbers reach from 1e-38 to 3e38.
-const SOUND: std::ops::RangeInclusive<f64> = 1e-40..=1e40;
+/// Squares of pivots (unit of `A`) with which solves in single precision have room to spare: its numbers reach from 1e-38 to
+/// 3e38.
+const SOUND: std::ops::RangeInclusive<f64> = 1e-24..=1e24;
 
 /// How a refactorisation ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,10 +61,10 @@ pub struct FactorReport {
 pub struct Factor {
     symbolic: Arc<SymbolicFactor>,
     values: Vec<f64>,
-    /// `L` in single precision and in the order of a solve, where a copy is kept.
-    single: Option<Vec<f32>>,
-    /// Whether the numbers of this factor lie well within its range.
-    single_is_sound: bool,
+    /// `L` in 16 bits and in the order of a solve, where a copy is kept.
+    packed: Option<PackedCopy>,
+    /// Whether the numbers of this factor lie well within the range of solves with it.
+    packed_is_sound: bool,
     /// Update matrices of the fronts; scratch.
     updates: Vec<f64>,
     /// Zero while there is no valid factor.
@@ -77,8 +79,8 @@ impl Clone for Factor {
         let mut copy = Self::new(Arc::clone(&self.symbolic));
         copy.values.copy_from_slice(&self.values);
         copy.revision = self.revision;
-        copy.single.clone_from(&self.single);
-        copy.single_is_sound = self.single_is_sound;
+        copy.packed.clone_from(&self.packed);
+        copy.packed_is_sound = self.packed_is_sound;
         copy
     }
 }
@@ -91,16 +93,16 @@ impl Factor {
             updates: vec![0.0; symbolic.arena().len()],
             update: (symbolic.change_capacity() > 0).then(|| Box::new(LowRankUpdate::new(&symbolic))),
             symbolic,
-            single: None,
-            single_is_sound: false,
+            packed: None,
+            packed_is_sound: false,
             revision: 0,
         }
     }
 
-    /// The same, and every refactorisation leaves a copy of `L` in single precision for [`Self::precondition`].
-    pub fn with_single_precision_copy(symbolic: Arc<SymbolicFactor>) -> Self {
-        let single = Some(vec![0.0; symbolic.packed().len()]);
-        Self { single, ..Self::new(symbolic) }
+    /// The same, and every refactorisation leaves a copy of `L` in 16 bits for [`Self::precondition`].
+    pub fn with_packed_copy(symbolic: Arc<SymbolicFactor>) -> Self {
+        let packed = Some(PackedCopy::new(symbolic.packed()));
+        Self { packed, ..Self::new(symbolic) }
     }
 
     /// The shared symbolic part.
@@ -142,10 +144,10 @@ impl Factor {
         }
         // a non-finite entry in row i of L would have made pivot i fail, so L is finite here
         let (smallest, largest) = self.pivot_range();
-        if let Some(single) = &mut self.single {
-            self.symbolic.packed().pack(self.symbolic.tree(), &self.values, single);
+        if let Some(packed) = &mut self.packed {
+            packed.take(self.symbolic.packed(), self.symbolic.tree(), &self.values);
             // no entry of L is larger than the root of the largest diagonal entry of A, of which pivots tell the order
-            self.single_is_sound = SOUND.contains(&smallest) && SOUND.contains(&largest);
+            self.packed_is_sound = SOUND.contains(&smallest) && SOUND.contains(&largest);
         }
         self.revision = next_revision();
         FactorReport { status: FactorStatus::Ok, smallest_pivot: smallest, largest_pivot: largest }
@@ -173,9 +175,9 @@ impl Factor {
         (smallest, largest)
     }
 
-    /// The copy in single precision, if there is a sound one.
-    pub(super) fn single(&self) -> Option<&[f32]> {
-        self.single.as_deref().filter(|_| self.single_is_sound)
+    /// The copy in 16 bits, if there is a sound one.
+    pub(super) fn packed(&self) -> Option<&PackedCopy> {
+        self.packed.as_ref().filter(|_| self.packed_is_sound)
     }
 
     /// Stored values of `L`, supernode by supernode.

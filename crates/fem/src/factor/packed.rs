@@ -1,19 +1,18 @@
-//! A copy of `L` in single precision, in the order in which a solve reads it.
+//! Where a copy of `L` in 16 bits keeps its numbers: in the order in which a solve reads them.
 //!
 //! A solve reads every number of `L` twice, once up the tree and once down, and does two operations with each: it waits
 //! for memory. As stored by the factorisation, in columns, four columns are read side by side, and the processor loses
 //! track of the four streams at the end of each of many short columns. Here a front is
 //! ```text
-//! units of 8 columns:  8 reciprocals of the diagonal,  8 x 8 numbers below the diagonal,  strip of 4 columns,  strip of 4
-//! strip:               tiles of 8 rows x 4 columns, each column of a tile in one piece, down to the end of the front
+//! units of 8 columns:  head (single precision),  strip of 4 columns,  strip of 4
+//! head:                8 scales of the columns,  inverse of the 8 x 8 numbers on the diagonal by columns,  by rows
+//! strip (16 bits):     tiles of 8 rows x 4 columns, each column of a tile in one piece, down to the end of the front
 //! ```
-//! read from one end to the other. Own rows of a front and rows below are each filled up with zeros to multiples of eight,
-//! so that no loop has a tail; the zeros above the diagonal that the factorisation stores are left out, which is more.
-
-#![allow(non_snake_case)]
+//! heads in one piece of memory and strips in another, read from one end to the other. Own rows of a front and rows below
+//! are each filled up with zeros to multiples of eight, so that no loop has a tail; the zeros above the diagonal that the
+//! factorisation stores are left out, which is more.
 
 use super::supernodal_tree::SupernodeTree;
-use super::workers::join;
 
 /// Rows of a tile and columns of a unit.
 pub(super) const EIGHT: usize = 8;
@@ -21,17 +20,16 @@ pub(super) const EIGHT: usize = 8;
 /// Numbers of a tile: four columns.
 pub(super) const TILE: usize = 4 * EIGHT;
 
-/// Numbers before the strips of a unit.
-pub(super) const HEAD: usize = EIGHT + EIGHT * EIGHT;
-
-/// Numbers that are copied in one piece.
-const COPY_AT_ONCE: usize = 1 << 18;
+/// Numbers of the head of a unit.
+pub(super) const HEAD: usize = EIGHT + 2 * EIGHT * EIGHT;
 
 /// Where the fronts of a topology lie in the copy, and in the memory for their rows.
 #[derive(Debug)]
 pub(super) struct PackedLayout {
-    /// First number of each front, and the end.
-    start: Vec<usize>,
+    /// First tile of each front, and the end.
+    tiles: Vec<usize>,
+    /// First unit of each front, and the end.
+    units: Vec<usize>,
     /// First row of each front where all are listed one after another, and the end.
     row_start: Vec<usize>,
 }
@@ -68,11 +66,11 @@ impl Shape {
         if self.width - unit * EIGHT > 4 { 2 } else { 1 }
     }
 
-    /// First number of a unit in the front; for [`Self::units`], the end of the front.
+    /// First tile of a unit in the front; for [`Self::units`], the end of the front.
     pub(super) fn at(self, unit: usize) -> usize {
-        let whole = |units: usize| units * HEAD + 2 * TILE * (units * (self.rows / EIGHT) - units * (units + 1) / 2);
+        let whole = |units: usize| 2 * (units * (self.rows / EIGHT) - units * (units + 1) / 2);
         match unit.checked_sub(1) {
-            Some(last) if unit == self.units() => whole(last) + HEAD + self.strips(last) * TILE * self.tiles(last),
+            Some(last) if unit == self.units() => whole(last) + self.strips(last) * self.tiles(last),
             _ => whole(unit),
         }
     }
@@ -80,18 +78,29 @@ impl Shape {
 
 impl PackedLayout {
     pub(super) fn new(tree: &SupernodeTree) -> Self {
-        let (mut start, mut row_start) = (vec![0], vec![0]);
+        let (mut tiles, mut units, mut row_start) = (vec![0], vec![0], vec![0]);
         for s in 0..tree.len() {
             let shape = Shape::of(tree, s);
-            start.push(start[s] + shape.at(shape.units()));
+            tiles.push(tiles[s] + shape.at(shape.units()));
+            units.push(units[s] + shape.units());
             row_start.push(row_start[s] + shape.rows);
         }
-        Self { start, row_start }
+        Self { tiles, units, row_start }
     }
 
-    /// Numbers of the copy.
-    pub(super) fn len(&self) -> usize {
-        self.start[self.start.len() - 1]
+    /// Tiles of all fronts together.
+    pub(super) fn tile_count(&self) -> usize {
+        self.tiles[self.tiles.len() - 1]
+    }
+
+    /// Units of all fronts together.
+    pub(super) fn unit_count(&self) -> usize {
+        self.units[self.units.len() - 1]
+    }
+
+    /// Bytes of a copy.
+    pub(super) fn bytes(&self) -> usize {
+        self.tile_count() * TILE * size_of::<i16>() + self.unit_count() * HEAD * size_of::<f32>()
     }
 
     /// Rows of all fronts together.
@@ -104,84 +113,17 @@ impl PackedLayout {
         self.row_start[s]
     }
 
+    /// First tile of the front `s`; for the number of fronts, the end.
+    pub(super) fn first_tile(&self, s: usize) -> usize {
+        self.tiles[s]
+    }
+
+    /// First unit of the front `s`; for the number of fronts, the end.
+    pub(super) fn first_unit(&self, s: usize) -> usize {
+        self.units[s]
+    }
+
     pub(super) fn shape(&self, tree: &SupernodeTree, s: usize) -> Shape {
         Shape::of(tree, s)
-    }
-
-    /// The numbers of the front `s`.
-    pub(super) fn front<'v>(&self, s: usize, packed: &'v [f32]) -> &'v [f32] {
-        &packed[self.start[s]..self.start[s + 1]]
-    }
-
-    /// Copies `values`, as the factorisation stores them. The same bits for any number of threads.
-    pub(super) fn pack(&self, tree: &SupernodeTree, values: &[f64], packed: &mut [f32]) {
-        self.pack_fronts(tree, 0..tree.len(), values, packed);
-    }
-
-    fn pack_fronts(&self, tree: &SupernodeTree, fronts: std::ops::Range<usize>, values: &[f64], packed: &mut [f32]) {
-        let first = self.start[fronts.start];
-        if fronts.len() > 1 && packed.len() > COPY_AT_ONCE {
-            let half = self.start.partition_point(|&start| start < first + packed.len() / 2);
-            let middle = half.clamp(fronts.start + 1, fronts.end - 1);
-            let (low, high) = packed.split_at_mut(self.start[middle] - first);
-            join(
-                || self.pack_fronts(tree, fronts.start..middle, values, low),
-                || self.pack_fronts(tree, middle..fronts.end, values, high),
-            );
-            return;
-        }
-        for s in fronts {
-            let front = &values[tree.value_start(s)..tree.value_start(s + 1)];
-            pack_front(
-                Shape::of(tree, s),
-                tree.below(s),
-                front,
-                &mut packed[self.start[s] - first..][..self.start[s + 1] - self.start[s]],
-            );
-        }
-    }
-}
-
-/// Copies one front, `below` of whose rows lie under its own.
-fn pack_front(shape: Shape, below: usize, values: &[f64], packed: &mut [f32]) {
-    let width = shape.width;
-    for unit in 0..shape.units() {
-        let first = unit * EIGHT;
-        let columns = EIGHT.min(width - first);
-        let (head, strips) = packed[shape.at(unit)..shape.at(unit + 1)].split_at_mut(HEAD);
-        head.fill(0.0);
-        let (reciprocals, corner) = head.split_at_mut(EIGHT);
-        let column = |k: usize| &values[(first + k) * (width + below)..(first + k + 1) * (width + below)];
-        for k in 0..columns {
-            reciprocals[k] = (1.0 / column(k)[first + k]) as f32;
-            for i in k + 1..columns {
-                corner[k * EIGHT + i] = column(k)[first + i] as f32;
-            }
-        }
-        if shape.tiles(unit) == 0 {
-            continue;
-        }
-        for (strip, packed) in strips.chunks_exact_mut(TILE * shape.tiles(unit)).enumerate() {
-            let tiles = packed.as_chunks_mut::<TILE>().0;
-            let (own_tiles, below_tiles) = tiles.split_at_mut((shape.own - first) / EIGHT - 1);
-            for k in 0..4 {
-                // columns that are not there, and rows that fill up, are zero
-                let column = if 4 * strip + k < columns { column(4 * strip + k) } else { &[][..] };
-                let (own, below) = column.split_at(width.min(column.len()));
-                round_into(own_tiles, k, own.get(first + EIGHT..).unwrap_or(&[]));
-                round_into(below_tiles, k, below);
-            }
-        }
-    }
-}
-
-/// Column `k` of some tiles; zeros where the column ends.
-fn round_into(tiles: &mut [[f32; TILE]], k: usize, column: &[f64]) {
-    let mut pieces = column.chunks(EIGHT);
-    for tile in tiles {
-        let to = &mut tile[k * EIGHT..(k + 1) * EIGHT];
-        let from = pieces.next().unwrap_or(&[]);
-        to[from.len()..].fill(0.0);
-        to.iter_mut().zip(from).for_each(|(to, from)| *to = *from as f32);
     }
 }

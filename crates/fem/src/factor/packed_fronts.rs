@@ -5,32 +5,71 @@
 use pulp::Arch;
 
 use super::packed::EIGHT;
+use super::packed_copy::PackedCopy;
 use super::packed_kernels::Front;
 use super::symbolic::SymbolicFactor;
 use super::walk::{self, Fronts, Part, in_front};
 
 struct PackedFronts<'a> {
     symbolic: &'a SymbolicFactor,
-    packed: &'a [f32],
+    packed: &'a PackedCopy,
     arch: Arch,
 }
 
-/// `x <- L⁻¹ x`; `rows` holds one number per row of every front.
-pub(super) fn forward(symbolic: &SymbolicFactor, packed: &[f32], x: &mut [f64], rows: &mut [f64]) {
-    walk::forward(symbolic, &PackedFronts { symbolic, packed, arch: Arch::new() }, x, rows);
+/// A vector, scaled to the middle of the range of single precision, and the rows of all fronts.
+pub(super) struct PackedWorkspace {
+    x: Vec<f32>,
+    rows: Vec<f32>,
+    /// What the vector was multiplied with.
+    scale: f64,
 }
 
-/// `x <- L⁻ᵀ x`.
-pub(super) fn backward(symbolic: &SymbolicFactor, packed: &[f32], x: &mut [f64], rows: &mut [f64]) {
-    walk::backward(symbolic, &PackedFronts { symbolic, packed, arch: Arch::new() }, x, rows);
+impl PackedWorkspace {
+    pub(super) fn new(symbolic: &SymbolicFactor) -> Self {
+        Self { x: vec![0.0; symbolic.degrees_of_freedom()], rows: vec![0.0; symbolic.packed().rows()], scale: 1.0 }
+    }
+
+    pub(super) fn fits(&self, symbolic: &SymbolicFactor) -> bool {
+        self.x.len() == symbolic.degrees_of_freedom() && self.rows.len() == symbolic.packed().rows()
+    }
+
+    /// Takes a vector in elimination order.
+    pub(super) fn take(&mut self, permuted: &[f64]) {
+        let largest = permuted.iter().fold(0.0, |most: f64, x| if x.abs() > most { x.abs() } else { most });
+        // By a power of two nothing is rounded: that which takes the largest number to between one and two.
+        let exponent = (largest.to_bits() >> 52).clamp(1, 2045);
+        self.scale = f64::from_bits((2046 - exponent) << 52);
+        self.x.iter_mut().zip(permuted).for_each(|(x, from)| *x = (from * self.scale) as f32);
+    }
+
+    /// Puts the vector back; false where it has left the range of single precision, and `permuted` is as it was.
+    pub(super) fn give(&self, permuted: &mut [f64]) -> bool {
+        let finite = self.x.iter().all(|x| x.is_finite());
+        if finite {
+            permuted.iter_mut().zip(&self.x).for_each(|(to, x)| *to = f64::from(*x) / self.scale);
+        }
+        finite
+    }
+
+    /// `x <- L⁻¹ x` for the vector that was taken.
+    pub(super) fn forward(&mut self, symbolic: &SymbolicFactor, packed: &PackedCopy) {
+        walk::forward(symbolic, &PackedFronts { symbolic, packed, arch: Arch::new() }, &mut self.x, &mut self.rows);
+    }
+
+    /// `x <- L⁻ᵀ x`.
+    pub(super) fn backward(&mut self, symbolic: &SymbolicFactor, packed: &PackedCopy) {
+        walk::backward(symbolic, &PackedFronts { symbolic, packed, arch: Arch::new() }, &mut self.x, &mut self.rows);
+    }
 }
 
 impl Fronts for PackedFronts<'_> {
+    type Number = f32;
+
     fn start(&self, s: usize) -> usize {
         self.symbolic.packed().row_start(s)
     }
 
-    fn forward(&self, s: usize, part: &mut Part<'_>) {
+    fn forward(&self, s: usize, part: &mut Part<'_, f32>) {
         let tree = self.symbolic.tree();
         let front = self.front(s);
         let shape = front.shape;
@@ -54,7 +93,7 @@ impl Fronts for PackedFronts<'_> {
         x.copy_from_slice(&rows[..shape.width]);
     }
 
-    fn backward(&self, s: usize, part: &mut Part<'_>) {
+    fn backward(&self, s: usize, part: &mut Part<'_, f32>) {
         let tree = self.symbolic.tree();
         let front = self.front(s);
         let shape = front.shape;
@@ -81,6 +120,6 @@ impl Fronts for PackedFronts<'_> {
 impl PackedFronts<'_> {
     fn front(&self, s: usize) -> Front<'_> {
         let (tree, layout) = (self.symbolic.tree(), self.symbolic.packed());
-        Front { shape: layout.shape(tree, s), packed: layout.front(s, self.packed), arch: self.arch }
+        Front { shape: layout.shape(tree, s), packed: self.packed.front(layout, s), arch: self.arch }
     }
 }

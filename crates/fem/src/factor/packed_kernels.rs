@@ -1,4 +1,4 @@
-//! Triangular solves with one packed front: numbers in single precision, sums in double.
+//! Triangular solves with one packed front: numbers in 16 bits, sums in single precision.
 //!
 //! A front is walked through from unit to unit. Where it is worth two threads it is taken in panels: their triangle by
 //! one, the rows (forward) or the units (backward) beyond it by both. Partial sums are eight whatever the width of the
@@ -6,10 +6,11 @@
 
 use std::ops::Range;
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Arch, Scalar, Simd, WithSimd};
 
-use super::packed::{EIGHT, HEAD, Shape, TILE};
-use super::workers::join;
+use super::packed::{EIGHT, Shape, TILE};
+use super::packed_copy::PackedFront;
+use super::workers::{are_many, join};
 
 /// Units of a panel: 256 columns.
 const PANEL: usize = 32;
@@ -21,22 +22,34 @@ const LARGE: usize = 300_000;
 const TASK_NUMBERS: usize = 100_000;
 
 /// Eight rows.
-type Eight = [f64; EIGHT];
+type Eight = [f32; EIGHT];
 
 /// One front; its rows come in pieces of eight, of which the first are those of its units.
 #[derive(Clone, Copy)]
 pub(super) struct Front<'a> {
     pub(super) shape: Shape,
-    pub(super) packed: &'a [f32],
+    pub(super) packed: PackedFront<'a>,
     pub(super) arch: Arch,
 }
 
+/// Eight columns of a front.
+struct Unit<'a> {
+    /// What the multiples of each column are to be taken by.
+    scales: &'a Eight,
+    /// Columns of the inverse of the block on the diagonal, and its rows.
+    inverse: &'a [Eight],
+    inverse_rows: &'a [Eight],
+    /// Strips of four columns.
+    strips: std::slice::ChunksExact<'a, [i16; TILE]>,
+}
+
 impl<'a> Front<'a> {
-    /// Numbers before the strips of a unit, and its strips.
     #[inline(always)]
-    fn unit(&self, unit: usize) -> (&'a [f32], std::slice::ChunksExact<'a, [f32; TILE]>) {
-        let (head, strips) = self.packed[self.shape.at(unit)..self.shape.at(unit + 1)].split_at(HEAD);
-        (head, strips.as_chunks::<TILE>().0.chunks_exact(self.shape.tiles(unit).max(1)))
+    fn unit(&self, unit: usize) -> Unit<'a> {
+        let tiles = &self.packed.tiles[self.shape.at(unit)..self.shape.at(unit + 1)];
+        let head = self.packed.heads[unit].as_chunks::<EIGHT>().0;
+        let (inverse, inverse_rows) = head[1..].split_at(EIGHT);
+        Unit { scales: &head[0], inverse, inverse_rows, strips: tiles.chunks_exact(self.shape.tiles(unit).max(1)) }
     }
 
     /// Units of a panel; all of them where the front is for one thread.
@@ -48,10 +61,12 @@ impl<'a> Front<'a> {
     /// `[x; u] <- [L11⁻¹ x; u - L21 L11⁻¹ x]`.
     pub(super) fn solve(self, rows: &mut [Eight]) {
         let units = self.shape.units();
-        for begin in (0..units).step_by(self.panel()) {
-            let end = (begin + self.panel()).min(units);
+        // Rows are sums over the units in turn, in panels or not; one thread reads without a gap.
+        let panel = if are_many() { self.panel() } else { units.max(1) };
+        for begin in (0..units).step_by(panel) {
+            let end = (begin + panel).min(units);
             // where there is one panel, it takes all rows along
-            let taken = if self.panel() >= units { rows.len() } else { end };
+            let taken = if panel >= units { rows.len() } else { end };
             let (known, beyond) = rows.split_at_mut(taken);
             self.arch.dispatch(Triangle { front: self, units: begin..end, rows: known });
             self.subtract(begin..end, known, taken, beyond);
@@ -111,11 +126,12 @@ impl WithSimd for Triangle<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        for unit in self.units {
-            let (head, strips) = self.front.unit(unit);
-            let (known, rest) = self.rows[unit..].split_at_mut(1);
-            solve_corner(head, &mut known[0]);
-            for (strip, x) in strips.zip(known[0].as_chunks::<4>().0) {
+        for k in self.units {
+            let unit = self.front.unit(k);
+            let (known, rest) = self.rows[k..].split_at_mut(1);
+            known[0] = combination(simd, unit.inverse, &known[0]);
+            let x = scaled(unit.scales, &known[0]);
+            for (strip, x) in unit.strips.zip(x.as_chunks::<4>().0) {
                 subtract_strip(simd, &strip[..rest.len()], *x, rest);
             }
         }
@@ -135,9 +151,11 @@ impl WithSimd for Product<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        for unit in self.units {
-            let from = self.first - unit - 1;
-            for (strip, x) in self.front.unit(unit).1.zip(self.known[unit].as_chunks::<4>().0) {
+        for k in self.units {
+            let from = self.first - k - 1;
+            let unit = self.front.unit(k);
+            let x = scaled(unit.scales, &self.known[k]);
+            for (strip, x) in unit.strips.zip(x.as_chunks::<4>().0) {
                 subtract_strip(simd, &strip[from..from + self.y.len()], *x, self.y);
             }
         }
@@ -155,13 +173,11 @@ impl WithSimd for TriangleTransposed<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        for unit in self.units.rev() {
-            let (head, strips) = self.front.unit(unit);
-            let (wanted, rest) = self.rows[unit..].split_at_mut(1);
-            for (strip, x) in strips.zip(wanted[0].as_chunks_mut::<4>().0).rev() {
-                subtract_dots(simd, &strip[..rest.len()], rest, x);
-            }
-            solve_corner_transposed(head, &mut wanted[0]);
+        for k in self.units.rev() {
+            let unit = self.front.unit(k);
+            let (wanted, rest) = self.rows[k..].split_at_mut(1);
+            subtract_dots(simd, unit.strips, 0, rest, unit.scales, &mut wanted[0]);
+            wanted[0] = combination(simd, unit.inverse_rows, &wanted[0]);
         }
     }
 }
@@ -181,78 +197,94 @@ impl WithSimd for ProductTransposed<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         for (k, wanted) in self.wanted.iter_mut().enumerate().rev() {
             let from = self.first - (self.begin + k) - 1;
-            for (strip, x) in self.front.unit(self.begin + k).1.zip(wanted.as_chunks_mut::<4>().0).rev() {
-                subtract_dots(simd, &strip[from..from + self.y.len()], self.y, x);
-            }
+            let unit = self.front.unit(self.begin + k);
+            subtract_dots(simd, unit.strips, from, self.y, unit.scales, wanted);
         }
     }
+}
+
+#[inline(always)]
+fn scaled(scales: &Eight, x: &Eight) -> Eight {
+    std::array::from_fn(|k| scales[k] * x[k])
 }
 
 /// `y <- y - L x` for a strip of four columns and the eight rows of each of its tiles.
 #[inline(always)]
-fn subtract_strip<S: Simd>(simd: S, tiles: &[[f32; TILE]], x: [f64; 4], y: &mut [Eight]) {
-    let factor = x.map(|x| simd.splat_f64s(-x));
+fn subtract_strip<S: Simd>(simd: S, tiles: &[[i16; TILE]], x: [f32; 4], y: &mut [Eight]) {
+    if S::F32_LANES > EIGHT {
+        return subtract_strip(Scalar::new(), tiles, x, y);
+    }
+    let factor = x.map(|x| simd.splat_f32s(-x));
     for (tile, y) in tiles.iter().zip(y) {
-        let l = in_double(tile);
-        let [a, b, c, d] = l.each_ref().map(|l| S::as_simd_f64s(l).0);
-        for (k, y) in S::as_mut_simd_f64s(y).0.iter_mut().enumerate() {
-            let first = simd.mul_add_e_f64s(a[k], factor[0], simd.mul_add_e_f64s(b[k], factor[1], *y));
-            let second = simd.mul_add_e_f64s(c[k], factor[2], simd.mul_f64s(d[k], factor[3]));
-            *y = simd.add_f64s(first, second);
+        let l = in_single(tile);
+        let [a, b, c, d] = l.each_ref().map(|l| S::as_simd_f32s(l).0);
+        for (k, y) in S::as_mut_simd_f32s(y).0.iter_mut().enumerate() {
+            let first = simd.mul_add_e_f32s(a[k], factor[0], simd.mul_add_e_f32s(b[k], factor[1], *y));
+            let second = simd.mul_add_e_f32s(c[k], factor[2], simd.mul_f32s(d[k], factor[3]));
+            *y = simd.add_f32s(first, second);
         }
     }
 }
 
-/// `x <- x - Lᵀ y` for a strip of four columns, from its end: the first rows are those that were found last, and the sums
-/// need not wait for them.
+/// `x <- x - Lᵀ y` for the strips of a unit, from their tile `from` on and from their end: the first rows are those that
+/// were found last, and the sums need not wait for them.
 #[inline(always)]
-fn subtract_dots<S: Simd>(simd: S, tiles: &[[f32; TILE]], y: &[Eight], x: &mut [f64; 4]) {
-    // as many of the eight places as eight numbers fill vectors
-    let mut sums = [[simd.splat_f64s(0.0); EIGHT]; 4];
-    for (tile, y) in tiles.iter().zip(y).rev() {
-        let l = in_double(tile);
-        let l = l.each_ref().map(|l| S::as_simd_f64s(l).0);
-        for (k, y) in S::as_simd_f64s(y).0.iter().enumerate() {
-            for (sums, l) in sums.iter_mut().zip(l) {
-                sums[k] = simd.mul_add_e_f64s(l[k], *y, sums[k]);
+fn subtract_dots<S: Simd>(
+    simd: S,
+    strips: std::slice::ChunksExact<'_, [i16; TILE]>,
+    from: usize,
+    y: &[Eight],
+    scales: &Eight,
+    x: &mut Eight,
+) {
+    if S::F32_LANES > EIGHT {
+        return subtract_dots(Scalar::new(), strips, from, y, scales, x);
+    }
+    let columns = scales.as_chunks::<4>().0.iter().zip(x.as_chunks_mut::<4>().0);
+    for (strip, (scales, x)) in strips.zip(columns).rev() {
+        // as many of the eight places as eight numbers fill vectors
+        let mut sums = [[simd.splat_f32s(0.0); EIGHT]; 4];
+        for (tile, y) in strip[from..from + y.len()].iter().zip(y).rev() {
+            let l = in_single(tile);
+            let l = l.each_ref().map(|l| S::as_simd_f32s(l).0);
+            for (k, y) in S::as_simd_f32s(y).0.iter().enumerate() {
+                for (sums, l) in sums.iter_mut().zip(l) {
+                    sums[k] = simd.mul_add_e_f32s(l[k], *y, sums[k]);
+                }
             }
         }
-    }
-    for (x, sums) in x.iter_mut().zip(sums) {
-        let mut total = [0.0; EIGHT];
-        S::as_mut_simd_f64s(&mut total).0.iter_mut().zip(sums).for_each(|(total, sum)| *total = sum);
-        *x -= sum(total);
-    }
-}
-
-/// `x <- L⁻¹ x` for the columns of a unit.
-#[inline(always)]
-fn solve_corner(head: &[f32], x: &mut Eight) {
-    let (reciprocals, corner) = head.split_at(EIGHT);
-    for (k, (reciprocal, column)) in reciprocals.iter().zip(corner.as_chunks::<EIGHT>().0).enumerate() {
-        let pivot = x[k] * f64::from(*reciprocal);
-        x.iter_mut().zip(column).for_each(|(x, l)| *x -= f64::from(*l) * pivot);
-        x[k] = pivot;
+        for ((x, scale), sums) in x.iter_mut().zip(scales).zip(sums) {
+            let mut total = [0.0; EIGHT];
+            S::as_mut_simd_f32s(&mut total).0.iter_mut().zip(sums).for_each(|(total, sum)| *total = sum);
+            *x -= scale * sum(total);
+        }
     }
 }
 
-/// `x <- L⁻ᵀ x` for the columns of a unit.
+/// The combination of eight columns.
 #[inline(always)]
-fn solve_corner_transposed(head: &[f32], x: &mut Eight) {
-    let (reciprocals, corner) = head.split_at(EIGHT);
-    for (k, (reciprocal, column)) in reciprocals.iter().zip(corner.as_chunks::<EIGHT>().0).enumerate().rev() {
-        let mut products = [0.0; EIGHT];
-        products.iter_mut().zip(column).zip(&*x).for_each(|((p, l), x)| *p = f64::from(*l) * x);
-        x[k] = (x[k] - sum(products)) * f64::from(*reciprocal);
+fn combination<S: Simd>(simd: S, columns: &[Eight], x: &Eight) -> Eight {
+    if S::F32_LANES > EIGHT {
+        return combination(Scalar::new(), columns, x);
     }
+    let mut total = [0.0; EIGHT];
+    for (k, total) in S::as_mut_simd_f32s(&mut total).0.iter_mut().enumerate() {
+        let mut sums = [simd.splat_f32s(0.0); 2];
+        for (j, (column, x)) in columns.iter().zip(x).enumerate() {
+            let column = S::as_simd_f32s(column).0;
+            sums[j % 2] = simd.mul_add_e_f32s(column[k], simd.splat_f32s(*x), sums[j % 2]);
+        }
+        *total = simd.add_f32s(sums[0], sums[1]);
+    }
+    total
 }
 
 #[inline(always)]
-fn in_double(tile: &[f32; TILE]) -> [Eight; 4] {
-    std::array::from_fn(|k| std::array::from_fn(|i| f64::from(tile[k * EIGHT + i])))
+fn in_single(tile: &[i16; TILE]) -> [Eight; 4] {
+    std::array::from_fn(|k| std::array::from_fn(|i| f32::from(tile[k * EIGHT + i])))
 }
 
 #[inline(always)]
-fn sum([s0, s1, s2, s3, s4, s5, s6, s7]: Eight) -> f64 {
+fn sum([s0, s1, s2, s3, s4, s5, s6, s7]: Eight) -> f32 {
     ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7))
 }

@@ -13,6 +13,7 @@ use super::half_block::{BLOCK_ROWS, HalfBlock, INACTIVE};
 use super::low_rank::{scratch_of_compliance, scratch_of_solve};
 use super::nodal_compliance::NodalCompliance;
 use super::numeric::Factor;
+use super::packed_fronts::PackedWorkspace;
 use super::symbolic::SymbolicFactor;
 use super::workers::join;
 use crate::nodal_rows::NodalRows;
@@ -64,8 +65,9 @@ pub struct ReachWorkspace {
     pub(super) sorted: Vec<u32>,
     pub(super) lambda: Vec<f64>,
     pub(super) permuted: Vec<f64>,
-    /// Rows below each front, or all rows of each front as they are packed, for the correction.
+    /// Rows below each front, for the correction.
     pub(super) front_rows: Vec<f64>,
+    pub(super) packed: PackedWorkspace,
     /// For the part of a change since the factorisation.
     pub(super) change: Vec<f64>,
     widest_pattern: usize,
@@ -92,7 +94,8 @@ impl ReachWorkspace {
             sorted: Vec::with_capacity(max_rows),
             lambda: vec![0.0; max_rows],
             permuted: vec![0.0; symbolic.degrees_of_freedom()],
-            front_rows: vec![0.0; symbolic.packed().rows()],
+            front_rows: vec![0.0; symbolic.tree().pattern_start(symbolic.supernode_count())],
+            packed: PackedWorkspace::new(symbolic),
             widest_pattern: symbolic.tree().widest_pattern(),
             change: vec![0.0; change_scratch(symbolic, max_rows)],
             rows: 0,
@@ -189,7 +192,7 @@ impl Factor {
             return Err(ReachStatus::InvalidFactor);
         }
         if workspace.permuted.len() != symbolic.degrees_of_freedom()
-            || workspace.front_rows.len() != symbolic.packed().rows()
+            || !workspace.packed.fits(symbolic)
             || workspace.blocks.first().is_some_and(|block| block.active.len() != symbolic.supernode_count())
             || workspace.widest_pattern < symbolic.tree().widest_pattern()
             || workspace.change.len() < change_scratch(symbolic, workspace.max_rows)

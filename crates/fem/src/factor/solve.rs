@@ -5,7 +5,8 @@ use faer::{Conj, MatMut, Par};
 
 use super::low_rank::scratch_of_solve;
 use super::numeric::Factor;
-use super::packed_fronts;
+use super::packed_copy::PackedCopy;
+use super::packed_fronts::PackedWorkspace;
 use super::substitution;
 use super::symbolic::SymbolicFactor;
 
@@ -33,8 +34,9 @@ impl SolveStatus {
 /// Scratch of full solves, for one thread.
 pub struct SolveWorkspace {
     permuted: Vec<f64>,
-    /// Rows below each front, or all rows of each front as they are packed.
+    /// Rows below each front.
     rows: Vec<f64>,
+    packed: PackedWorkspace,
     memory: MemBuffer,
     columns: usize,
     /// Rows below a supernode that `memory` suffices for.
@@ -54,7 +56,8 @@ impl SolveWorkspace {
         Self {
             permuted: vec![0.0; symbolic.degrees_of_freedom() * columns],
             memory: MemBuffer::new(symbolic.supernodes().solve_in_place_scratch::<f64>(columns, Par::Seq)),
-            rows: vec![0.0; symbolic.packed().rows()],
+            rows: vec![0.0; symbolic.tree().pattern_start(symbolic.supernode_count())],
+            packed: PackedWorkspace::new(symbolic),
             columns,
             widest_pattern: symbolic.tree().widest_pattern(),
             change: vec![0.0; scratch_of_solve(symbolic.change_capacity())],
@@ -69,18 +72,20 @@ impl Factor {
         self.solve_by(None, x, workspace)
     }
 
-    /// As [`Self::solve`], by the copy of `L` in single precision where there is one: a relative error of about 1e-7 times
-    /// the condition of `A`, and half the bytes in the order in which they are wanted. For preconditioners.
+    /// As [`Self::solve`], by the copy of `L` in 16 bits where there is one: a quarter of the bytes in the order in which they
+    /// are wanted, and a relative error of about 1e-5 times the root of the condition of `A`. For preconditioners. Where its
+    /// numbers would leave the range of single precision, as [`Self::solve`].
     pub fn precondition(&self, x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
-        self.solve_by(self.single(), x, workspace)
+        self.solve_by(self.packed(), x, workspace)
     }
 
     /// By the packed copy, or the stored values.
-    fn solve_by(&self, packed: Option<&[f32]>, x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
+    fn solve_by(&self, packed: Option<&PackedCopy>, x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
         let symbolic = self.symbolic();
         let n = symbolic.degrees_of_freedom();
         let fits = workspace.permuted.len() >= n
-            && workspace.rows.len() == symbolic.packed().rows()
+            && workspace.rows.len() == symbolic.tree().pattern_start(symbolic.supernode_count())
+            && workspace.packed.fits(symbolic)
             && workspace.change.len() == scratch_of_solve(symbolic.change_capacity());
         if x.len() != n || !fits {
             return SolveStatus::WrongSize;
@@ -90,10 +95,13 @@ impl Factor {
         }
         let permuted = &mut workspace.permuted[..n];
         permute(&symbolic.ordering().old_of_new, x, permuted);
-        if let Some(packed) = packed {
-            packed_fronts::forward(symbolic, packed, permuted, &mut workspace.rows);
-            packed_fronts::backward(symbolic, packed, permuted, &mut workspace.rows);
-        } else {
+        let by_copy = packed.is_some_and(|packed| {
+            workspace.packed.take(permuted);
+            workspace.packed.forward(symbolic, packed);
+            workspace.packed.backward(symbolic, packed);
+            workspace.packed.give(permuted)
+        });
+        if !by_copy {
             substitution::forward(symbolic, self.values(), permuted, &mut workspace.rows);
             substitution::backward(symbolic, self.values(), permuted, &mut workspace.rows);
         }

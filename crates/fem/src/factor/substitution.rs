@@ -38,11 +38,13 @@ pub(super) fn backward(symbolic: &SymbolicFactor, values: &[f64], x: &mut [f64],
 }
 
 impl Fronts for DenseFronts<'_> {
+    type Number = f64;
+
     fn start(&self, s: usize) -> usize {
         self.symbolic.tree().pattern_start(s)
     }
 
-    fn forward(&self, s: usize, part: &mut Part<'_>) {
+    fn forward(&self, s: usize, part: &mut Part<'_, f64>) {
         let tree = self.symbolic.tree();
         let columns = tree.columns(s);
         let x = &mut part.x[columns.start - part.x_at..columns.end - part.x_at];
@@ -68,7 +70,7 @@ impl Fronts for DenseFronts<'_> {
         }
     }
 
-    fn backward(&self, s: usize, part: &mut Part<'_>) {
+    fn backward(&self, s: usize, part: &mut Part<'_, f64>) {
         let tree = self.symbolic.tree();
         let columns = tree.columns(s);
         let x = &mut part.x[columns.start - part.x_at..columns.end - part.x_at];

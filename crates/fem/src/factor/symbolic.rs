@@ -186,9 +186,9 @@ impl SymbolicFactor {
         self.nonzeros
     }
 
-    /// Numbers in the copy of `L` in single precision, zeros that fill up its tiles included.
-    pub fn packed_values(&self) -> usize {
-        self.packed.len()
+    /// Bytes of the copy of `L` in 16 bits, zeros that fill up its tiles included.
+    pub fn packed_bytes(&self) -> usize {
+        self.packed.bytes()
     }
 
     /// Numbers that a [`Factor`](super::Factor) stores for `L`, zeros of supernodes included.
@@ -218,7 +218,7 @@ impl SymbolicFactor {
         &self.arena
     }
 
-    /// Where the copies in single precision have the fronts.
+    /// Where the copies in 16 bits have the fronts.
     pub(super) fn packed(&self) -> &PackedLayout {
         &self.packed
     }

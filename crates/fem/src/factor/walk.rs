@@ -9,31 +9,34 @@ use super::workers::join;
 
 /// What is done at one front.
 pub(super) trait Fronts: Sync {
+    /// Numbers of the vector, and of the rows that fronts keep.
+    type Number: Send;
+
     /// Where the rows that the front `s` keeps begin in the memory for them; ascending.
     fn start(&self, s: usize) -> usize;
 
     /// `x <- L11⁻¹ x` for the columns of the front, and what it subtracts from the rows below them. Its children are done.
-    fn forward(&self, s: usize, part: &mut Part<'_>);
+    fn forward(&self, s: usize, part: &mut Part<'_, Self::Number>);
 
     /// `x <- L11⁻ᵀ (x - L21ᵀ x below)`, and the rows below of its children. Its parent is done.
-    fn backward(&self, s: usize, part: &mut Part<'_>);
+    fn backward(&self, s: usize, part: &mut Part<'_, Self::Number>);
 }
 
 /// The part of the vector, and of the memory for rows of fronts, that some subtrees own, and where each begins.
-pub(super) struct Part<'a> {
-    pub(super) x: &'a mut [f64],
+pub(super) struct Part<'a, T> {
+    pub(super) x: &'a mut [T],
     pub(super) x_at: usize,
-    pub(super) rows: &'a mut [f64],
+    pub(super) rows: &'a mut [T],
     pub(super) rows_at: usize,
 }
 
-impl<'a> Part<'a> {
-    fn whole(x: &'a mut [f64], rows: &'a mut [f64]) -> Self {
+impl<'a, T> Part<'a, T> {
+    fn whole(x: &'a mut [T], rows: &'a mut [T]) -> Self {
         Self { x, x_at: 0, rows, rows_at: 0 }
     }
 
     /// Parts at the first column and the first kept row of a subtree.
-    fn split(self, column: usize, row: usize) -> (Part<'a>, Part<'a>) {
+    fn split(self, column: usize, row: usize) -> (Part<'a, T>, Part<'a, T>) {
         let (x, later_x) = self.x.split_at_mut(column - self.x_at);
         let (rows, later_rows) = self.rows.split_at_mut(row - self.rows_at);
         (
@@ -42,19 +45,19 @@ impl<'a> Part<'a> {
         )
     }
 
-    fn reborrow(&mut self) -> Part<'_> {
+    fn reborrow(&mut self) -> Part<'_, T> {
         Part { x: self.x, x_at: self.x_at, rows: self.rows, rows_at: self.rows_at }
     }
 }
 
 /// `x <- L⁻¹ x`.
-pub(super) fn forward(symbolic: &SymbolicFactor, fronts: &impl Fronts, x: &mut [f64], rows: &mut [f64]) {
+pub(super) fn forward<F: Fronts>(symbolic: &SymbolicFactor, fronts: &F, x: &mut [F::Number], rows: &mut [F::Number]) {
     let walk = Walk { symbolic, tree: symbolic.tree(), fronts };
     walk.forward_siblings(walk.tree.roots(), Part::whole(x, rows));
 }
 
 /// `x <- L⁻ᵀ x`.
-pub(super) fn backward(symbolic: &SymbolicFactor, fronts: &impl Fronts, x: &mut [f64], rows: &mut [f64]) {
+pub(super) fn backward<F: Fronts>(symbolic: &SymbolicFactor, fronts: &F, x: &mut [F::Number], rows: &mut [F::Number]) {
     let walk = Walk { symbolic, tree: symbolic.tree(), fronts };
     walk.backward_siblings(walk.tree.roots(), Part::whole(x, rows));
 }
@@ -67,14 +70,14 @@ struct Walk<'a, F> {
 
 impl<F: Fronts> Walk<'_, F> {
     /// Cuts a list of siblings in two.
-    fn halves<'s, 'p>(&self, siblings: &'s [u32], part: Part<'p>) -> [(&'s [u32], Part<'p>); 2] {
+    fn halves<'s, 'p>(&self, siblings: &'s [u32], part: Part<'p, F::Number>) -> [(&'s [u32], Part<'p, F::Number>); 2] {
         let (first, second) = siblings.split_at(siblings.len() / 2);
         let begin = self.tree.first(second[0] as usize);
         let (left, right) = part.split(self.tree.columns(begin).start, self.fronts.start(begin));
         [(first, left), (second, right)]
     }
 
-    fn forward_siblings(&self, siblings: &[u32], part: Part<'_>) {
+    fn forward_siblings(&self, siblings: &[u32], part: Part<'_, F::Number>) {
         match siblings {
             [] => {}
             [s] => self.forward_subtree(*s as usize, part),
@@ -85,7 +88,7 @@ impl<F: Fronts> Walk<'_, F> {
         }
     }
 
-    fn forward_subtree(&self, s: usize, mut part: Part<'_>) {
+    fn forward_subtree(&self, s: usize, mut part: Part<'_, F::Number>) {
         if self.symbolic.arena().is_split_for_solve(s) {
             self.forward_siblings(self.tree.children(s), part.reborrow());
             self.fronts.forward(s, &mut part);
@@ -94,7 +97,7 @@ impl<F: Fronts> Walk<'_, F> {
         }
     }
 
-    fn backward_siblings(&self, siblings: &[u32], part: Part<'_>) {
+    fn backward_siblings(&self, siblings: &[u32], part: Part<'_, F::Number>) {
         match siblings {
             [] => {}
             [s] => self.backward_subtree(*s as usize, part),
@@ -105,7 +108,7 @@ impl<F: Fronts> Walk<'_, F> {
         }
     }
 
-    fn backward_subtree(&self, s: usize, mut part: Part<'_>) {
+    fn backward_subtree(&self, s: usize, mut part: Part<'_, F::Number>) {
         if self.symbolic.arena().is_split_for_solve(s) {
             self.fronts.backward(s, &mut part);
             self.backward_siblings(self.tree.children(s), part);
@@ -116,7 +119,7 @@ impl<F: Fronts> Walk<'_, F> {
 }
 
 /// The numbers of a front with `width` columns, `own` columns or rows below, to which a run of a child leads.
-pub(super) fn in_front<'a>(run: &Run, width: usize, own: &'a mut [f64], below: &'a mut [f64]) -> &'a mut [f64] {
+pub(super) fn in_front<'a, T>(run: &Run, width: usize, own: &'a mut [T], below: &'a mut [T]) -> &'a mut [T] {
     let target = run.target();
     if target.start < width { &mut own[target] } else { &mut below[target.start - width..target.end - width] }
 }

@@ -11,7 +11,7 @@ pub const MAX_LATTICE_VERTICES: usize = 4_000_000;
 /// Labels of the bundled liver (`examples/scenes/liver.inr.gz`), by the names in its note, where their meaning was
 /// inferred from volumes. By shape, place and neighbours (nine tenths of the boundary of 127 and six tenths of that of
 /// 85 is background) they are as likely the right kidney and the gall bladder;
-/// [`retain_labels`](crate::image::LabelImage::retain_labels) leaves the liver alone.
+/// [`Stuffing::of_labels`] with the first takes the liver alone.
 pub const LIVER_LABELS: [(u8, &str); 3] = [(255, "parenchyma"), (127, "vessels"), (85, "lesion")];
 
 /// How a body is stuffed.
@@ -21,6 +21,8 @@ pub struct Stuffing {
     pub cell: f64,
     /// Names of the regions of a label image. A label without a name N becomes the region `label_N`.
     pub labels: Vec<(u8, String)>,
+    /// Whether labels without a name are background.
+    pub named_only: bool,
     /// Whether to keep the largest body only (connected through faces).
     pub keep_largest: bool,
     /// Standard deviation of the blur of a label image, in cells, between 0 and 2. It is raised to two and a half
@@ -37,6 +39,7 @@ impl Default for Stuffing {
         Self {
             cell: 0.0155,
             labels: LIVER_LABELS.map(|(label, name)| (label, name.to_owned())).into(),
+            named_only: false,
             keep_largest: true,
             smoothing: 0.3,
             match_volume: true,
@@ -45,6 +48,13 @@ impl Default for Stuffing {
 }
 
 impl Stuffing {
+    /// Cells of this size (m) of the named labels alone; where none is named, of all, by the names of the bundled image.
+    pub fn of_labels<'a>(cell: f64, labels: impl IntoIterator<Item = (&'a str, u8)>) -> Self {
+        let labels: Vec<_> = labels.into_iter().map(|(name, label)| (label, name.to_owned())).collect();
+        let all = Self { cell, ..Self::default() };
+        if labels.is_empty() { all } else { Self { labels, named_only: true, ..all } }
+    }
+
     /// The name of a label's region.
     pub fn name_of(&self, label: u8) -> String {
         let named = self.labels.iter().find(|(l, _)| *l == label);

@@ -53,11 +53,20 @@ const VOLUME_TOLERANCE: f64 = 1e-3;
 
 /// Meshes the labelled part of an image, with one region per label.
 ///
-/// The body is the blurred occupancy of all labels but 0, without voids ([`SmoothedOccupancy`]).
+/// The body is the blurred occupancy of all labels but 0, or of the named ones ([`Stuffing::named_only`]), without voids
+/// ([`SmoothedOccupancy`]).
 ///
 /// # Errors
-/// [`StuffingError`]: a cell or smoothing out of its range, too large or too small for the body, or nothing to mesh.
+/// [`StuffingError`]: a cell or smoothing out of its range, too large or too small for the body, a named label that the image
+/// has not, or nothing to mesh.
 pub fn stuff_image(image: &LabelImage, stuffing: &Stuffing) -> Result<(TetMesh, StuffingReport), StuffingError> {
+    let retained;
+    let image = if stuffing.named_only {
+        retained = with_named_labels(image, stuffing)?;
+        &retained
+    } else {
+        image
+    };
     let extent = Vector3::from_fn(|a, _| image.dims[a] as f64 * image.spacing[a]);
     stuffing.check([image.origin, image.origin + extent])?;
     let voxel = image.spacing.iter().copied().fold(0.0, f64::max);
@@ -87,6 +96,18 @@ pub fn stuff_image(image: &LabelImage, stuffing: &Stuffing) -> Result<(TetMesh, 
     report.filled_volume = field.filled_volume();
     report.regions = regions::assign(&mut mesh, image, stuffing);
     Ok((mesh, report))
+}
+
+/// The image with every label but the named ones as background.
+fn with_named_labels(image: &LabelImage, stuffing: &Stuffing) -> Result<LabelImage, StuffingError> {
+    let voxels = image.histogram();
+    if let Some((label, name)) = stuffing.labels.iter().find(|(label, _)| voxels[usize::from(*label)] == 0) {
+        let present: Vec<_> = (1..=255).filter(|&l: &u8| voxels[usize::from(l)] > 0).map(|l| l.to_string()).collect();
+        return Err(StuffingError::NoSuchLabel { label: *label, name: name.clone(), present: present.join(", ") });
+    }
+    let mut retained = image.clone();
+    retained.retain_labels(&stuffing.labels.iter().map(|(label, _)| *label).collect::<Vec<_>>());
+    Ok(retained)
 }
 
 /// Meshes the inside of a closed surface as one region, `body`. Nodes of the boundary lie on the surface, except

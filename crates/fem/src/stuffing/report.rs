@@ -89,6 +89,16 @@ pub enum StuffingError {
         /// A cell within the limit (m).
         usable: f64,
     },
+    /// A label that was asked for by name is not in the image.
+    #[error("no voxel of the image has the label {label} of `{name}`; it has {present}")]
+    NoSuchLabel {
+        /// The label.
+        label: u8,
+        /// Its name.
+        name: String,
+        /// The labels that there are, in words.
+        present: String,
+    },
     /// The image shows background only.
     #[error("the image holds no label but 0 (background); there is nothing to mesh")]
     Empty,

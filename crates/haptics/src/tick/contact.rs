@@ -111,7 +111,7 @@ impl Tick {
                 // Forgotten between two snapshots, after a fault: it begins anew on this one.
                 if !memory.is_of(&snapshot.patch) {
                     memory.forget();
-                    memory.take_over(&snapshot.patch, &snapshot.tool());
+                    memory.take_over(&snapshot.patch, &snapshot.tool(), snapshot.dt);
                 }
                 flags.set(TickFlags::LOCAL);
                 let beyond = problem.is_beyond(&snapshot.patch, &snapshot.tool(), &poses.held);

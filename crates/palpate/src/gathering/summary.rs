@@ -2,12 +2,14 @@
 
 use super::Gathering;
 use crate::record::TraceOutcome;
+use crate::step::Tangle;
 use crate::summary::RunSummary;
 use crate::world::World;
 
 impl Gathering {
     /// The summary; `wall` is the time the run took in real time (s).
-    pub(crate) fn summary(self, world: &World, wall: Option<f64>, trace: Option<TraceOutcome>) -> RunSummary {
+    pub(crate) fn summary(mut self, world: &World, wall: Option<f64>, trace: Option<TraceOutcome>) -> RunSummary {
+        self.notes.extend(self.tangle_note());
         let counts = self.counts();
         let rate = |n: u64| wall.map_or(0.0, |w| n as f64 / w);
         RunSummary {
@@ -56,6 +58,8 @@ impl Gathering {
             shortened: self.shortened,
             repeated: self.rescued[0],
             held_open: self.rescued[1],
+            tangled: self.rescued[2],
+            led: self.rescued[3],
             unsettled: self.unsettled,
             filtered: self.filtered,
             inverted: self.inverted,
@@ -75,5 +79,16 @@ impl Gathering {
             trace,
             notes: self.notes,
         }
+    }
+
+    /// What there is to say of a body that ends in a tangle.
+    fn tangle_note(&self) -> Option<String> {
+        let (since, Tangle { edges, winding, place }) = self.tangle?;
+        Some(format!(
+            "body {} ends tangled: since {since:.3} s it has not wound once round {edges} of its inner edges but {winding} times \
+             round one {}, so that it lies upon itself; try a softer press, a smaller step or a finer mesh",
+            self.body,
+            self.name(place)
+        ))
     }
 }

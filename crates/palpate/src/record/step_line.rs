@@ -29,6 +29,8 @@ impl StepLine {
         flags.set(trace::StepFlags::ROLLED_BACK, report.status == StepStatus::RolledBack);
         flags.set(trace::StepFlags::CHANGED, report.change.changed);
         flags.set(trace::StepFlags::FACTOR_OUTDATED, report.change.factor == FactorFit::Outdated);
+        flags.set(trace::StepFlags::TANGLED, report.tangle.is_some());
+        flags.set(trace::StepFlags::LED, report.led);
         line.push(trace::StepRecord {
             step: report.step,
             time_ns,

@@ -262,6 +262,7 @@ fn contact(
         tool,
         gap,
         free: Vector3::new(gap, 0.0, 0.0),
+        drift: Vector3::zeros(),
         force: Vector3::zeros(),
     })
 }

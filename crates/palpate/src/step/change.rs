@@ -139,6 +139,7 @@ fn begin(world: &World, change: &Change, state: &mut StepState, ws: &mut StepWor
         std::mem::swap(&mut ws.fem, &mut other.fem);
         std::mem::swap(&mut ws.geometry, &mut other.geometry);
         std::mem::swap(&mut ws.detection, &mut other.detection);
+        std::mem::swap(&mut ws.windings, &mut other.windings);
     }
     state.phase += 1;
     if let Some(began) = state.began.get_mut(state.phase) {

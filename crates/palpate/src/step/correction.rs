@@ -60,7 +60,7 @@ fn is_whole(state: &StepState, nodes: &[u32], h: f64, size: f64) -> bool {
 
 /// The element to name when a body fails: the one that is known to be at fault, or one at the node that has gone astray,
 /// whose velocity is not finite or the farthest from the body's mean.
-fn failed_element(world: &World, state: &StepState, known: Option<u32>) -> Option<FailedElement> {
+pub(super) fn failed_element(world: &World, state: &StepState, known: Option<u32>) -> Option<FailedElement> {
     let mesh = world.mesh();
     let astray = || {
         let nodes = world.model().node_of_free();

@@ -91,16 +91,18 @@ fn tears(world: &World) -> bool {
     tissues.into_iter().any(|tissue| !SMOOTH.contains(&tissue.law.name()))
 }
 
-/// Shortens `ws.v_free` where the potential would grow, and repeats it where tissue is in trouble; counts both.
-pub(super) fn guard(world: &World, state: &StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
+/// Shortens `ws.v_free` where the potential would grow, and repeats it where tissue is in trouble; counts both. Returns whether
+/// the tissue may have passed through itself meanwhile.
+pub(super) fn guard(world: &World, state: &StepState, ws: &mut StepWorkspace, report: &mut StepReport) -> bool {
     let h = ws.dt;
     let farthest = ws.v_free.chunks_exact(3).map(|v| h * Vector3::new(v[0], v[1], v[2]).norm()).fold(0.0, f64::max);
     let reason = report.folds.folded > 0
         || report.assembly.inverted > 0
         || report.assembly.min_jacobian < CRUSHED
         || farthest > FAR * ws.size;
-    if !world.description().bodies[0].guard || !reason || report.assembly.non_finite.is_some() {
-        return;
+    // Linear elasticity, by which tissue is led, does not overshoot.
+    if !world.description().bodies[0].guard || !reason || report.led || report.assembly.non_finite.is_some() {
+        return false;
     }
     let [linear, quadratic] = rest_of_the_potential(world, state, ws);
     let (model, folds) = (world.model(), &ws.fem.folds);
@@ -131,6 +133,7 @@ pub(super) fn guard(world: &World, state: &StepState, ws: &mut StepWorkspace, re
     if hopeful && config.iterations > 0 && (report.cuts > 0 || report.folds.folded > 0 || crushed) {
         repeat(world, &config, state, ws, report);
     }
+    crushed || farthest > FAR * ws.size || report.cuts > 0 || report.repeated > 0
 }
 
 /// The motion by Newton's method from the begin of the step, into `ws.v_free`.

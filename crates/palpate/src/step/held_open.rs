@@ -19,7 +19,7 @@ use crate::world::World;
 const EVEN: f64 = 0.7;
 
 /// Motion of a node in one step, relative to the size of the body, below which inverted tissue counts as resting.
-const AT_REST: f64 = 1e-3;
+pub(super) const AT_REST: f64 = 1e-3;
 
 /// Factor between the stiffness of the barrier in one step at rest and in the next.
 const GROWTH: f64 = 4.0;
@@ -29,7 +29,7 @@ const MOST_GROWTHS: u32 = 7;
 
 /// Holds open what needs it at the begin of the step, and assembles anew where there is any.
 pub(super) fn hold_open(world: &World, state: &mut StepState, ws: &mut StepWorkspace, report: &mut StepReport) {
-    if ws.rescue.is_none() {
+    if ws.rescue.is_none() || report.led {
         return;
     }
     let stiffness = if world.model().element_kind() == ElementKind::Quadratic {

@@ -28,6 +28,7 @@ mod climb;
 mod compliance_error;
 mod correction;
 mod direct;
+mod drift;
 mod first_inverse;
 mod forces;
 mod free_motion;
@@ -47,6 +48,7 @@ mod report;
 mod rigid;
 mod stages;
 mod state;
+mod tangle;
 mod times;
 mod workspace;
 
@@ -71,7 +73,7 @@ pub use change::{ChangeReport, FactorFit, pass_events};
 pub use climb::Climb;
 pub use compliance_error::ComplianceError;
 pub(crate) use prepared::Prepared;
-pub use report::{FailedElement, StepReport, StepStatus};
+pub use report::{FailedElement, StepReport, StepStatus, Tangle};
 pub(crate) use rigid::{digest, placements};
 pub use state::StepState;
 pub use times::StepTimes;
@@ -112,11 +114,14 @@ pub fn step(
     match world.integration() {
         Integration::BackwardEuler => {
             ws.fem.folds.clear();
+            report.led = state.trouble.leads();
+            ws.fem.led = report.led;
             report.assembly = assemble(world.model(), &state.fem, world.dt(), &[], &mut ws.fem);
             hold_open(world, state, ws, &mut report);
+            tangle::look(world, state, ws, &mut report);
             report.times.assembly = clock.lap();
             free_motion::free_motion(world, input.factor, state, ws, &mut report);
-            guard(world, state, ws, &mut report);
+            state.trouble.suspected |= guard(world, state, ws, &mut report);
             report.times.free_motion = clock.lap();
             contact(world, input, state, ws, &mut report, &mut clock);
             if ws.own_is_current {

@@ -3,7 +3,8 @@
 //! A patch reaches as far as the tool may touch until two more steps have passed, at the speed that it has now, and from
 //! rest at [`START`]. Its compliance is that of the step's own inverse, in which rows that do not touch the tool and carry
 //! force are held ([`condense`]): all of a contact that sticks, the normal of one that slides. Its free shape is the step's
-//! without the forces of the tool, and with those of the others.
+//! without the forces of the tool, and with those of the others; its drift is that of the step after it ([`super::drift`]), by the
+//! same rows held.
 //!
 //! Contacts of the tool with fixed and rigid bodies, and of tissue and rigid bodies with fixed ones, are a part of the patch
 //! ([`body_contacts`](super::body_contacts)). While the tool's have no room, the tick has the step's rows.
@@ -17,8 +18,7 @@ use palpate_fem::sparse::FIXED;
 use palpate_haptics::patch::HapticPatch;
 
 use super::body_contacts::{BodyContactStage, push_bodies};
-use super::stages;
-use super::{StepInput, StepReport, StepState, StepWorkspace};
+use super::{StepInput, StepReport, StepState, StepWorkspace, drift, stages};
 use crate::world::World;
 
 /// Steps until the next patch is there at the latest: the one at hand, and the one after it, which begins with it.
@@ -35,6 +35,8 @@ pub(super) struct PatchStage {
     rows: ContactRows,
     /// Their compliance, where some are held.
     w: Vec<f64>,
+    /// Their motion without forces in a step (m).
+    drift: Vec<f64>,
     max_rows: usize,
 }
 
@@ -46,6 +48,7 @@ impl PatchStage {
             gathering: PatchGathering::new(world.geometry()),
             rows: ContactRows::with_capacity(max_rows.max(3 * places).div_ceil(3)),
             w: Vec::with_capacity(max_rows * max_rows),
+            drift: Vec::with_capacity(max_rows.max(3 * places)),
             max_rows,
         }
     }
@@ -77,7 +80,7 @@ pub(super) fn fill(
         || !push_bodies(world, input, ws, &stage.bodies, patch);
     if !report.frozen_at_rigid {
         report.bodies.handed_over = patch.bodies.all().len() as u32;
-        patch.valid = patch.degrees_of_freedom() == 0 || compliance(world, input, ws, &mut stage, report, patch);
+        patch.valid = patch.degrees_of_freedom() == 0 || compliance(world, input, state, ws, &mut stage, report, patch);
     }
     if patch.valid {
         shape(world, state, ws, patch);
@@ -106,10 +109,11 @@ fn gather(
     report
 }
 
-/// C of the patch; false where there is none.
+/// C of the patch, and its drift; false where there is no C.
 fn compliance(
     world: &World,
     input: &StepInput<'_>,
+    state: &StepState,
     ws: &mut StepWorkspace,
     stage: &mut PatchStage,
     report: &mut StepReport,
@@ -158,16 +162,30 @@ fn compliance(
     }
     let all = rows.len();
     stages::own_factor(world, ws, report);
-    if all == n {
-        return stages::compliance_of(world, input.factor, rows, square(patch.compliance_mut(), n), ws).0.usable;
+    stage.drift.clear();
+    if let Some(drift) = drift::drift(world, input.factor, state, ws) {
+        drift::along(rows, drift, &mut stage.drift);
     }
-    stage.w.resize(all * all, 0.0);
-    let usable = stages::compliance_of(world, input.factor, rows, square(&mut stage.w, all), ws).0.usable;
-    let held = usable.then(|| condense(&mut stage.w, all, n)).flatten();
-    for (to, from) in patch.compliance_mut().chunks_exact_mut(n).zip(stage.w.chunks_exact(all)) {
-        to.copy_from_slice(&from[..n]);
+    stage.drift.resize(all, 0.0);
+    let usable = if all == n {
+        stages::compliance_of(world, input.factor, rows, square(patch.compliance_mut(), n), ws).0.usable
+    } else {
+        stage.w.resize(all * all, 0.0);
+        let usable = stages::compliance_of(world, input.factor, rows, square(&mut stage.w, all), ws).0.usable;
+        let held = usable.then(|| condense(&mut stage.w, &mut stage.drift, n)).flatten();
+        for (to, from) in patch.compliance_mut().chunks_exact_mut(n).zip(stage.w.chunks_exact(all)) {
+            to.copy_from_slice(&from[..n]);
+        }
+        held.is_some()
+    };
+    let (of_bodies, of_nodes) = stage.drift[..n].split_at(3 * patch.bodies.yielding());
+    for (to, from) in patch.bodies.all_mut().iter_mut().zip(of_bodies.chunks_exact(3)) {
+        to.drift = Vector3::from_column_slice(from);
     }
-    held.is_some()
+    for (to, from) in patch.drift_mut().iter_mut().zip(of_nodes.chunks_exact(3)) {
+        *to = Vector3::from_column_slice(from);
+    }
+    usable
 }
 
 /// The tool's part of a row that it does not touch, and a gap: compliance asks for neither.
@@ -255,6 +273,7 @@ mod tests {
         // C is that of the rows: W of the step's own contacts at nodes.
         let n = patch.degrees_of_freedom();
         let free = patch.compliance().to_vec();
+        let drift = patch.drift()[3];
         for (j, block) in ws.rows.blocks.iter().enumerate() {
             let node = state.contacts.contacts[block.contact as usize].nodes[0];
             let (k, normal) = (patch.skin().number_of(node).unwrap(), ws.rows.frames[j].normal);
@@ -277,6 +296,9 @@ mod tests {
         fill(&world, &input, None, &state, &mut ws, &mut report, &mut snapshot.patch);
         let condensed = snapshot.patch.compliance();
         assert!(snapshot.patch.valid && condensed.len() == free.len());
+        let held = snapshot.patch.drift()[3];
+        assert!(held.x.abs() < 1e-9 * drift.norm() && drift.x.abs() > 1e-3 * drift.norm(), "{held} of {drift}");
+        assert!(held.z.abs() > 0.5 * drift.z.abs(), "and drifts on elsewhere");
         let c = |w: &[f64], i: usize, j: usize| w[j * n + i];
         for j in 0..n {
             assert!(c(condensed, 9, j).abs() < 1e-12 * c(&free, 9, 9), "it moves by {} m/N", c(condensed, 9, j));

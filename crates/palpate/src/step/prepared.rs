@@ -5,8 +5,9 @@ use std::sync::mpsc::Receiver;
 
 use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::detection::DetectionWorkspace;
-use palpate_fem::assembly::FemWorkspace;
+use palpate_fem::assembly::{FemWorkspace, Windings};
 
+use super::tangle::windings;
 use super::{StepState, StepWorkspace};
 use crate::world::{Change, World};
 
@@ -15,6 +16,7 @@ pub(super) struct PhaseScratch {
     pub(super) fem: FemWorkspace,
     pub(super) geometry: SurfaceGeometry,
     pub(super) detection: DetectionWorkspace,
+    pub(super) windings: Option<Windings>,
 }
 
 impl PhaseScratch {
@@ -23,6 +25,7 @@ impl PhaseScratch {
             fem: FemWorkspace::new(change.world().model()),
             geometry: change.world().geometry().clone(),
             detection: DetectionWorkspace::new(change.world().geometry()),
+            windings: windings(change.world()),
         }
     }
 }

@@ -38,6 +38,17 @@ pub struct FailedElement {
     pub region: u16,
 }
 
+/// Tissue that has passed through itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tangle {
+    /// Inner edges that the tissue does not wind round once.
+    pub edges: u32,
+    /// How often it winds round the worst of them: 2 where it lies upon itself, 0 or less beside elements inside out.
+    pub winding: i32,
+    /// An element at that edge.
+    pub place: FailedElement,
+}
+
 /// What one step did. Plain data: copied into rings, traces and tables.
 #[derive(Clone, Copy, Debug)]
 pub struct StepReport {
@@ -66,6 +77,11 @@ pub struct StepReport {
     /// Elements that are held open at the begin of the step: quadratic ones that fold between the points at which they are
     /// evaluated, others that had come to rest inside out.
     pub folds: FoldReport,
+    /// Tissue that has passed through itself, at the begin of the step. Looked for from when the guard acted or an element
+    /// was inside out until the body is whole.
+    pub tangle: Option<Tangle>,
+    /// True where the body was led out of a tangle: it answered as linear elasticity in place of its law.
+    pub led: bool,
     /// Contacts with the tool: found, merged, dropped.
     pub detection: DetectionReport,
     /// Contacts of fixed and rigid bodies with the tissue and with one another.
@@ -136,6 +152,8 @@ impl StepReport {
             cuts: 0,
             repeated: 0,
             folds: FoldReport::NONE,
+            tangle: None,
+            led: false,
             detection: DetectionReport::NONE,
             bodies: BodiesReport::NONE,
             rows: RowReport::default(),

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use super::bodies::PairState;
 use super::climb::Climb;
 use super::prediction::Prediction;
+use super::tangle::Trouble;
 use crate::refresh::FactorSample;
 use crate::world::{Change, World};
 
@@ -28,6 +29,8 @@ pub struct StepState {
     pub climb: Climb,
     /// Steps in which linear or averaged tissue rested inside out, until it is open again.
     pub(super) stuck: u32,
+    /// Whether and how the body is in a tangle.
+    pub(super) trouble: Trouble,
     /// Contacts of the last step; they carry the side from which the tool came.
     pub contacts: ContactSet,
     /// The rigid bodies, in the order of the scene.
@@ -60,6 +63,7 @@ impl StepState {
             tool: None,
             climb: Climb::default(),
             stuck: 0,
+            trouble: Trouble::UNKNOWN,
             warm_start: WarmStart::with_capacity(capacity),
             contacts: ContactSet::with_capacity(capacity),
             rigid: world.bodies().rigid.iter().map(|body| body.start).collect(),

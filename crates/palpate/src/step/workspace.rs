@@ -7,7 +7,7 @@ use palpate_constraints::compliance::ComplianceWorkspace;
 use palpate_constraints::lumped::LumpedInverse;
 use palpate_constraints::precomputed::PrecomputedWorkspace;
 use palpate_constraints::rows::ContactRows;
-use palpate_fem::assembly::FemWorkspace;
+use palpate_fem::assembly::{FemWorkspace, Windings};
 use palpate_fem::factor::{Factor, ReachWorkspace, SolveWorkspace, SymbolicFactor};
 use palpate_fem::integrator::explicit::ExplicitWorkspace;
 use palpate_fem::integrator::newton::ImplicitWorkspace;
@@ -139,6 +139,8 @@ pub struct StepWorkspace {
     pub(super) trial: FemState,
     /// Newton's method for tissue in trouble.
     pub(super) rescue: Option<ImplicitWorkspace>,
+    /// How the tissue winds round its edges, where it is guarded.
+    pub(super) windings: Option<Windings>,
     /// Diagonal of the body at rest (m).
     pub(super) size: f64,
     /// Passing from one body to the next.
@@ -190,11 +192,10 @@ impl StepWorkspace {
         let places = patch_nodes + world.yielding_contacts();
         let compliance_rows = rows.max(if patch_nodes > 0 { 3 * places + others } else { 0 });
         let wanted = &world.description().solver;
-        let solver = match wanted.kind.solver() {
+        let solver = match wanted.solver() {
             Solver::Automatic(config) => AutomaticConfig { bounded: true, ..config }.into(),
             solver => solver,
         };
-        let solver = solver.limited(wanted.tolerance, Some(wanted.max_sweeps));
         let own = world.plan().has_own_factor();
         let (mut newton, mut explicit, mut dt) = (None, None, world.dt());
         match *world.integration() {
@@ -243,6 +244,7 @@ impl StepWorkspace {
             sample: vec![0.0; 3 * free],
             lambda_of_sample: vec![0.0; rows],
             rescue: super::guard::rescue(world),
+            windings: super::tangle::windings(world),
             refinement: RefinementWorkspace::new(rows, 3 * free),
             size: world.mesh().bounding_box().diagonal(),
             change: ChangeStage::new(world),

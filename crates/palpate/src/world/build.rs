@@ -14,6 +14,7 @@ use super::course::{Stretch, course};
 use super::elements::{locking, with_nodes_for};
 use super::fixed::fixed_nodes;
 use super::geometry::{Loaded, load};
+use super::haptics::late_hand_over;
 use super::outside::Basis;
 use super::pairs::apart;
 use super::precomputed::skin_nodes;
@@ -88,6 +89,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
     }
     warnings.extend(CouplingChoice::new(description).and_then(|coupling| coupling.warning()));
+    warnings.extend(late_hand_over(description));
     let model = FemModel::new(&mesh, &config).map_err(|e| match e {
         FemError::NoBulk { .. } => scene.at("body.0.element", e.to_string(), "change the element or the law"),
         FemError::Material { ref place, .. } => {

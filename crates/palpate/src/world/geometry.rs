@@ -7,7 +7,7 @@ use palpate_fem::closed_surface::ClosedSurface;
 use palpate_fem::format;
 use palpate_fem::image::LabelImage;
 use palpate_fem::mesh::{MeshWarning, TetMesh};
-use palpate_fem::stuffing::{Stuffing, StuffingReport, stuff_image, stuff_surface};
+use palpate_fem::stuffing::{Stuffing, StuffingError, StuffingReport, stuff_image, stuff_surface};
 
 use crate::scene::{Scene, SceneError, SceneFile};
 
@@ -45,11 +45,19 @@ pub(super) fn load(scene: &Scene) -> Result<Loaded, SceneError> {
     let (Some(name), Some(cell)) = (&body.image, body.cell) else {
         return Err(scene.at("body.0", "the body has no geometry", "add `mesh` or `image` with `cell`"));
     };
-    let stuffing = Stuffing { cell, ..Stuffing::default() };
-    let (mesh, report) = match scene.file(name) {
-        SceneFile::Embedded(bytes) => stuff_image(&LabelImage::from_inrimage_bytes(bytes)?, &stuffing)?,
-        SceneFile::Path(path) => make(&path, body.scale, &stuffing)?,
+    let stuffing = Stuffing::of_labels(cell, body.labels.iter().map(|(name, label)| (name.as_str(), *label)));
+    let made = match scene.file(name) {
+        SceneFile::Embedded(bytes) => {
+            stuff_image(&LabelImage::from_inrimage_bytes(bytes)?, &stuffing).map_err(SceneError::from)
+        }
+        SceneFile::Path(path) => make(&path, body.scale, &stuffing),
     };
+    let (mesh, report) = made.map_err(|error| match error {
+        SceneError::Stuffing(absent @ StuffingError::NoSuchLabel { .. }) => {
+            scene.at("body.0.labels", absent.to_string(), "name labels that the image has")
+        }
+        other => other,
+    })?;
     let mut warnings = Vec::new();
     if report.dropped_bodies > 0 {
         let cubic_centimetres = 1e6 * report.dropped_volume;

@@ -4,7 +4,7 @@ use palpate_haptics::coupling::{BoundGrounds, CouplingConfig, LIGHT_GRIP, MARGIN
 
 use super::World;
 use crate::devices;
-use crate::scene::{SceneDescription, TickMethod};
+use crate::scene::{SceneDescription, TickDescription, TickMethod};
 
 /// The virtual coupling of a scene on the device that its file names.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,7 +73,31 @@ fn grounds(grounds: BoundGrounds) -> String {
     }
 }
 
+/// Share of a step that a hand-over takes at most: what lasts longer is felt as lag before the next comes.
+const HAND_OVER: f64 = 1.0 / 3.0;
+
+/// What to say of a hand-over that the scene states and its steps are too short for.
+pub(super) fn late_hand_over(scene: &SceneDescription) -> Option<String> {
+    let (stated, step) = (scene.tick.hand_over, 1.0 / scene.rates.step);
+    let by_default = stated == TickDescription::default().hand_over || scene.tick.method != TickMethod::Local;
+    (!by_default && stated > step).then(|| {
+        format!(
+            "[tick] hand_over = {} ms is longer than a step of {:.1} ms: the next shape would come before the last is there, \
+             so it is cut to {:.1} ms; use at most a third of a step",
+            stated * 1e3,
+            step * 1e3,
+            step * HAND_OVER * 1e3,
+        )
+    })
+}
+
 impl World {
+    /// Time (s) over which a tick goes over from one step's shape to the next's: what the scene states, and at most a third of
+    /// its step.
+    pub fn hand_over(&self) -> f64 {
+        self.description().tick.hand_over.min(self.dt() * HAND_OVER)
+    }
+
     /// Nodes of the tissue around the tool that a snapshot carries; 0 where the tick has frozen rows.
     pub fn patch_nodes(&self) -> usize {
         let tick = &self.description().tick;
@@ -85,7 +109,8 @@ impl World {
         let tick = &self.description().tick;
         match tick.method {
             TickMethod::Local => {
-                format!("local ({} nodes at most, hand-over {} ms)", tick.patch_nodes, tick.hand_over * 1e3)
+                let milliseconds = (self.hand_over() * 1e6).round() / 1e3;
+                format!("local ({} nodes at most, hand-over {milliseconds} ms)", tick.patch_nodes)
             }
             TickMethod::Frozen => "frozen rows".into(),
         }

@@ -26,6 +26,10 @@ flags! {
         /// The factor was of a body before an event and could not follow it: the step went on without contact unless its
         /// own matrix was factored.
         9 => FACTOR_OUTDATED;
+        /// The tissue had passed through itself.
+        10 => TANGLED;
+        /// The body was led out of a tangle: it answered as linear elasticity in place of its law.
+        11 => LED;
     }
 }
 

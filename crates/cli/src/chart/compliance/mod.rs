@@ -121,22 +121,30 @@ fn outcomes(step: &mut Step<'_>, times: usize) -> Result<Vec<(Option<Method>, Ou
     Ok(all)
 }
 
+/// What both tables begin a row with: ratio, motion, method and age.
+fn case(ratio: f64, motion: Motion, method: Option<Method>) -> [Value; 5] {
+    [
+        Value::Number(ratio, 0),
+        motion.name().into(),
+        method.map_or("exact", |m| m.source.name()).into(),
+        method.map_or(Value::None, |m| m.correction.name().into()),
+        method.map_or(Value::None, |m| m.age.into()),
+    ]
+}
+
 /// Rows of the table on the screen: what a run does, beside the same without refinement and without warping.
 fn summarise(table: &mut Table, ratio: f64, motion: Motion, outcomes: &[(Option<Method>, Outcome)]) {
     for (method, outcome) in outcomes {
         let shown = method.is_none_or(|m| m.correction != Correction::Exact && m.source != Source::Unwarped)
             || method.is_some_and(|m| m.source == Source::Unwarped && m.correction == Correction::Refined);
         if shown {
-            table.push(vec![
-                Value::Number(ratio, 0),
-                motion.name().into(),
-                method.map_or("exact", |m| m.source.name()).into(),
-                method.map_or(Value::None, |m| m.correction.name().into()),
-                method.map_or(Value::None, |m| m.age.into()),
+            let mut row = case(ratio, motion, *method).to_vec();
+            row.extend([
                 Value::Number(100.0 * outcome.force, 2),
                 Value::Number(100.0 * outcome.motion, 2),
                 Value::Number(1e3 * outcome.time, 2),
             ]);
+            table.push(row);
         }
     }
 }
@@ -149,19 +157,16 @@ fn row(
     outcome: &Outcome,
 ) -> Vec<Value> {
     let [free, corrected] = outcome.iterations;
-    vec![
-        world.mesh().nodes.len().into(),
-        Value::Number(ratio, 0),
-        motion.name().into(),
-        method.map_or("exact", |m| m.source.name()).into(),
-        method.map_or(Value::None, |m| m.correction.name().into()),
-        method.map_or(Value::None, |m| m.age.into()),
+    let mut row = vec![world.mesh().nodes.len().into()];
+    row.extend(case(ratio, motion, method));
+    row.extend([
         Value::Number(100.0 * outcome.force, 3),
         Value::Number(100.0 * outcome.motion, 3),
         Value::Number(100.0 * outcome.imbalance, 3),
         format!("{free} + {corrected}").into(),
         Value::Number(1e3 * outcome.time, 2),
-    ]
+    ]);
+    row
 }
 
 /// Error of the forces and of the motion, each against time.

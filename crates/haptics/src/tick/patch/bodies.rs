@@ -1,8 +1,8 @@
 //! Contacts of fixed and rigid bodies in a tick: what is remembered of them, and their rows.
 //!
 //! ```text
-//! normal:   δ_free = gap_free + o s + J (X_predicted − X_step)                              m
-//! tangents: δ_free = (u_free + o s − u₋) + J (X_predicted − X₋) + slip + J (X' − X_step) led
+//! normal:   δ_free = gap_free + drift t/h + o s + J (X_predicted − X_step)                              m
+//! tangents: δ_free = (u_free + drift t/h + o s − u₋) + J (X_predicted − X₋) + slip + J (X' − X_step) led
 //! ```
 //! with o the offset of the hand-over, as nodes have it, u₋ and X₋ coordinates and tool at the end of the tick before, X' the
 //! tool when the snapshot came. A wall stays where it is, so what is remembered of sticking at one begins anew at the end of
@@ -84,8 +84,8 @@ impl BodyMemory {
     }
 
     /// Remembers what a tick found: `moved` by its forces, `way` of the tool since the step.
-    pub(super) fn keep(&mut self, contact: &BodyContact, moved: &Vector3<f64>, fade: f64, way: f64) {
-        self.end = contact.free + self.offset * fade + moved;
+    pub(super) fn keep(&mut self, contact: &BodyContact, moved: &Vector3<f64>, (fade, drifted): (f64, f64), way: f64) {
+        self.end = contact.free + contact.drift * drifted + self.offset * fade + moved;
         self.gap = self.end.x + way;
     }
 
@@ -104,11 +104,11 @@ impl Rows {
         patch: &HapticPatch,
         poses: &ToolPoses,
     ) {
-        let (now, leads) = (memory.fade(hand_over), memory.faded(hand_over));
+        let (now, leads, drifted) = (memory.fade(hand_over), memory.faded(hand_over), memory.drifted());
         let (led, before) = (memory.led(), memory.tool().unwrap_or(&poses.held));
         let yielding = patch.bodies.yielding();
         for (k, (contact, known)) in patch.bodies.all().iter().zip(memory.bodies()).enumerate() {
-            let free = contact.free + known.offset * now;
+            let free = contact.free + contact.drift * drifted + known.offset * now;
             let gap = free.x + contact.approach(&led[0], &poses.predicted).x;
             let mut along = free - known.end + contact.approach(before, &poses.predicted);
             along += contact.frame.tr_mul(&known.slip);

@@ -3,11 +3,12 @@
 //! When a new snapshot comes, forces stay and the shape goes on from where it was: with x the shape at the end of the tick
 //! before and f its forces,
 //! ```text
-//! q = q_free + o s(t),   o = x − C f − q_free,   s falls from 1 to 0 within `hand_over`
+//! q = q_free + d t/h + o s(t),   o = x − C f − q_free,   s falls from 1 to 0 within `hand_over`
 //! ```
 //! so at the first tick of a snapshot shape and forces solve the new problem as they solved the old, whatever changed in
 //! q_free *and* in C, and what the new snapshot knows better comes in over a stated time. A node that is new to the patch
-//! starts at its place, without force; in a patch that nothing is remembered of, with the force that the step found.
+//! starts at its place, without force; in a patch that nothing is remembered of, with the force that the step found. The
+//! drift d ends where the next step should have come, and so does what it can do in a run whose steps are late.
 //!
 //! Where friction holds, step and tick each remember how the tissue lies on the tool, and what they remember drifts apart:
 //! ticks slide on between two steps, and steps hold what they find at their begin. The step's tissue lives on, so it is right:
@@ -90,6 +91,8 @@ pub(in crate::tick) struct PatchMemory {
     fade: f64,
     /// Time since the snapshot in use was taken over \[s\].
     since: f64,
+    /// h: the time that its drift takes \[s\].
+    step: f64,
 }
 
 impl PatchMemory {
@@ -112,6 +115,7 @@ impl PatchMemory {
             led: [Isometry3::identity().into(); 2],
             fade: 0.0,
             since: 0.0,
+            step: 0.0,
         }
     }
 
@@ -135,13 +139,13 @@ impl PatchMemory {
 
     /// Makes the memory belong to the patch of a new snapshot. At most `nodes²` comparisons and one product with C.
     ///
-    /// `tool` is that of the step.
-    pub(in crate::tick) fn take_over(&mut self, patch: &HapticPatch, tool: &ToolPose) {
+    /// `tool` is that of the step, `step` is h \[s\].
+    pub(in crate::tick) fn take_over(&mut self, patch: &HapticPatch, tool: &ToolPose, step: f64) {
         let nodes = patch.len().min(self.nodes.len());
         self.take_over_bodies(patch);
         let yielding = patch.bodies.yielding().min(self.bodies.len());
         let fresh = self.count == 0;
-        (self.since, self.fade) = (0.0, 1.0);
+        (self.since, self.fade, self.step) = (0.0, 1.0, step);
         self.led = [*tool, self.tool.unwrap_or(*tool)];
         self.contacts.iter_mut().filter(|known| known.stuck < STUCK).for_each(|known| known.stuck += 1);
         for (k, &name) in patch.skin().nodes().iter().enumerate().take(nodes) {
@@ -203,10 +207,16 @@ impl PatchMemory {
         if self.since >= hand_over { 0.0 } else { 1.0 - self.since / hand_over }
     }
 
+    /// t/h, 0 to 1.
+    pub(super) fn drifted(&self) -> f64 {
+        if self.step > 0.0 { (self.since / self.step).min(1.0) } else { 0.0 }
+    }
+
     /// The shape under the forces of the tick before, at this place in the hand-over \[m\].
     pub(super) fn shape_now(&self, patch: &HapticPatch, fade: f64, shape: &mut [Vector3<f64>]) {
-        for ((to, node), q_free) in shape.iter_mut().zip(&self.nodes).zip(patch.q_free()) {
-            *to = q_free + node.offset * fade + node.yielded;
+        let drifted = self.drifted();
+        for (((to, node), q_free), drift) in shape.iter_mut().zip(&self.nodes).zip(patch.q_free()).zip(patch.drift()) {
+            *to = q_free + drift * drifted + node.offset * fade + node.yielded;
         }
     }
 
@@ -266,10 +276,11 @@ impl PatchMemory {
     /// Remembers what a tick found, and where the tool is at its end.
     pub(in crate::tick) fn keep(&mut self, patch: &HapticPatch, hand_over: f64, tool: &ToolPose, ws: &PatchWorkspace) {
         let fade = self.fade(hand_over);
-        let y = self.yielding;
+        let (y, drifted) = (self.yielding, self.drifted());
         self.force.iter_mut().zip(&ws.force).for_each(|(kept, force)| *kept = *force);
         let of_nodes = ws.moved.get(y..).unwrap_or_default();
-        for ((node, q_free), moved) in self.nodes.iter_mut().zip(patch.q_free()).zip(of_nodes) {
+        let free = patch.q_free().iter().zip(patch.drift()).map(|(q, drift)| q + drift * drifted);
+        for ((node, q_free), moved) in self.nodes.iter_mut().zip(free).zip(of_nodes) {
             node.shape = q_free + node.offset * fade + moved;
             node.yielded += (moved - node.yielded) * FOLLOWS;
             node.lag = node.yielded - moved;
@@ -280,7 +291,7 @@ impl PatchMemory {
         self.contacts.extend(rows.filter(|row| row.force != ZERO).map(Known::new));
         let of_bodies = ws.moved.iter().take(y).chain(std::iter::repeat(&ZERO));
         for ((body, contact), moved) in self.bodies.iter_mut().zip(patch.bodies.all()).zip(of_bodies) {
-            body.keep(contact, moved, fade, contact.approach(&self.led[0], tool).x);
+            body.keep(contact, moved, (fade, drifted), contact.approach(&self.led[0], tool).x);
         }
         for row in &ws.rows.contact {
             if let Some(body) = row.body.and_then(|k| self.bodies.get_mut(k)) {

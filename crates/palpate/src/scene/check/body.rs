@@ -142,6 +142,7 @@ fn geometry(body: &BodyDescription, source: &Source<'_>) -> Checked {
         _ => {}
     }
     let surface = body.image.as_ref().is_some_and(|name| crate::world::is_surface(Path::new(name)));
+    labels(body, body.image.is_some() && !surface, source)?;
     if body.image.is_some() && !surface && body.scale != 1.0 {
         let message = format!("scale = {} with a label image, which states the size of its voxels itself", body.scale);
         return Err(source.at("body.0.scale", message, "remove it"));
@@ -160,6 +161,24 @@ fn geometry(body: &BodyDescription, source: &Source<'_>) -> Checked {
                 message,
                 "give at least 1 along each axis and at most a million in all",
             ));
+        }
+    }
+    Ok(())
+}
+
+/// Labels of a label image, each with one name.
+fn labels(body: &BodyDescription, has_labels: bool, source: &Source<'_>) -> Checked {
+    if !body.labels.is_empty() && !has_labels {
+        return Err(source.at("body.0.labels", "`labels` belongs to a label image", "remove it, or name an `image`"));
+    }
+    for (name, label) in &body.labels {
+        if *label == 0 {
+            let message = format!("{name} = 0, which is the background");
+            return Err(source.at("body.0.labels", message, "give a label from 1 to 255"));
+        }
+        if let Some((other, _)) = body.labels.iter().find(|(other, of_other)| *other < name && *of_other == label) {
+            let message = format!("{other} and {name} both have the label {label}");
+            return Err(source.at("body.0.labels", message, "give each label one name"));
         }
     }
     Ok(())

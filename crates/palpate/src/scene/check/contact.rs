@@ -111,7 +111,20 @@ fn solver(scene: &SceneDescription, source: &Source<'_>) -> Checked {
         let message = format!("`conic_qp` solves contact without friction; the law is {}", c.law_in_words());
         return Err(source.at("solver.kind", message, "set kind = \"conic_friction\" or \"automatic\""));
     }
-    Ok(())
+    let s = &scene.solver;
+    let given = [("relaxation", s.relaxation.is_some()), ("sweep_order", s.sweep_order.is_some())];
+    if let Some((key, _)) = given.iter().find(|(_, given)| *given && s.kind != SolverKind::GaussSeidel) {
+        let message = format!("`{key}` has no effect: it belongs to Gauss-Seidel");
+        return Err(source.at(&format!("solver.{key}"), message, "remove it, or set kind = \"gauss_seidel\""));
+    }
+    match s.relaxation {
+        Some(r) if !(r > 0.0 && r <= 1.0) => Err(source.at(
+            "solver.relaxation",
+            format!("{r} is not above 0 and at most 1"),
+            "use 1, or 0.8 against cycling",
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// The settings of the contact method that is used, and of no other.

@@ -26,6 +26,10 @@ pub struct BodyDescription {
     /// Lattice constant (m) of tetrahedra made from `image`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cell: Option<f64>,
+    /// Labels of a label image by the names of their regions; all other labels are background. Without it every label is
+    /// tissue, and label N becomes the region `label_N` but for those of the bundled organ.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub labels: BTreeMap<String, u8>,
     /// Factor from the unit of the mesh file to metres.
     #[serde(default = "one")]
     pub scale: f64,

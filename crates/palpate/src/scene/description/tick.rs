@@ -22,8 +22,8 @@ pub struct TickDescription {
     pub method: TickMethod,
     /// Largest number of nodes of the tissue around the tool; the nearest triangles are kept. For `method = "local"` only.
     pub patch_nodes: usize,
-    /// Time (s) over which the shape of the tissue goes over from one step's to the next's; 0 lets the force jump. For
-    /// `method = "local"` only.
+    /// Time (s) over which the shape of the tissue goes over from one step's to the next's, a third of a step at most; 0 lets the force
+    /// jump. For `method = "local"` only.
     pub hand_over: f64,
 }
 

@@ -11,18 +11,26 @@
 // The vendor's functions, and a callback that they make.
 #![allow(unsafe_code)]
 
-use std::ffi::{CStr, c_char, c_double, c_int, c_uint, c_ulong, c_ushort, c_void};
+mod functions;
+mod servo;
+
+use std::ffi::c_ulong;
 use std::ptr;
 use std::time::{Duration, Instant};
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::Isometry3;
 use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, HapticDevice, TickTime};
 use palpate_haptics::exchange::{Reader, Writer, latest};
-use palpate_haptics::wrench::{Twist, Wrench};
+use palpate_haptics::wrench::Wrench;
 
 use crate::error::DriverError;
-use crate::library::{Origin, VendorLibrary};
+use crate::library::{Origin, VendorLibrary, text_of};
 use crate::{Driver, DriverConfig, Opened};
+use functions::{
+    COMM_ERROR, DEFAULT_PRIORITY, DEVICE_MODEL_TYPE, FORCE_OUTPUT, Functions, Handle, INVALID_HANDLE,
+    NOMINAL_MAX_FORCE, TIMER_ERROR,
+};
+use servo::{Measured, Servo, Wanted, serve};
 
 /// Line in the register of drivers.
 pub const DRIVER: Driver = Driver {
@@ -51,177 +59,6 @@ const ORIGIN: Origin = Origin {
     names: if cfg!(windows) { &["hd.dll"] } else { &["libHD.so", "libHD.so.3.4", "libHD.so.3"] },
     remedy: "`device.library` in the scene or --hd",
 };
-
-type Handle = c_uint;
-
-const INVALID_HANDLE: Handle = 0xFFFF_FFFF;
-const FORCE_OUTPUT: c_uint = 0x4000;
-const CURRENT_BUTTONS: c_uint = 0x2000;
-const CURRENT_VELOCITY: c_uint = 0x2051;
-const CURRENT_TRANSFORM: c_uint = 0x2052;
-const CURRENT_ANGULAR_VELOCITY: c_uint = 0x2053;
-const DEVICE_MODEL_TYPE: c_uint = 0x2501;
-const NOMINAL_MAX_FORCE: c_uint = 0x2603;
-const CURRENT_FORCE: c_uint = 0x2700;
-const COMM_ERROR: c_uint = 0x0302;
-const TIMER_ERROR: c_uint = 0x0304;
-const CALLBACK_CONTINUE: c_uint = 1;
-const DEFAULT_PRIORITY: c_ushort = u16::MAX / 2;
-
-/// Millimetres of the library in metres.
-const MILLIMETRE: f64 = 1e-3;
-
-/// `HDErrorInfo`.
-#[repr(C)]
-#[derive(Clone, Copy)]
-struct ErrorInfo {
-    code: c_uint,
-    internal: c_int,
-    device: Handle,
-}
-
-type Callback = unsafe extern "C" fn(*mut c_void) -> c_uint;
-
-/// Declares the functions that are used, each once.
-macro_rules! functions {
-    ($($field:ident = $symbol:literal: fn($($argument:ty),*) $(-> $answer:ty)?;)*) => {
-        #[derive(Clone, Copy)]
-        struct Functions {
-            $($field: unsafe extern "C" fn($($argument),*) $(-> $answer)?,)*
-        }
-
-        impl Functions {
-            fn of(library: &VendorLibrary) -> Result<Self, DriverError> {
-                // SAFETY: the signatures are those of `hd.h`; the library is kept beside the functions.
-                Ok(unsafe { Self { $($field: library.function($symbol)?,)* } })
-            }
-        }
-    };
-}
-
-functions! {
-    init = "hdInitDevice": fn(*const c_char) -> Handle;
-    disable_device = "hdDisableDevice": fn(Handle);
-    make_current = "hdMakeCurrentDevice": fn(Handle);
-    begin_frame = "hdBeginFrame": fn(Handle);
-    end_frame = "hdEndFrame": fn(Handle);
-    error = "hdGetError": fn() -> ErrorInfo;
-    error_text = "hdGetErrorString": fn(c_uint) -> *const c_char;
-    enable = "hdEnable": fn(c_uint);
-    disable = "hdDisable": fn(c_uint);
-    get_integers = "hdGetIntegerv": fn(c_uint, *mut c_int);
-    get_doubles = "hdGetDoublev": fn(c_uint, *mut c_double);
-    get_string = "hdGetString": fn(c_uint) -> *const c_char;
-    set_doubles = "hdSetDoublev": fn(c_uint, *const c_double);
-    start_scheduler = "hdStartScheduler": fn();
-    stop_scheduler = "hdStopScheduler": fn();
-    schedule = "hdScheduleAsynchronous": fn(Callback, *mut c_void, c_ushort) -> c_ulong;
-    unschedule = "hdUnschedule": fn(c_ulong);
-}
-
-impl Functions {
-    /// The newest error of this thread; 0 where there is none. The others are taken off the library's stack.
-    fn take_error(&self) -> c_uint {
-        // SAFETY: no arguments.
-        let first = unsafe { (self.error)() }.code;
-        let mut left = if first == 0 { 0 } else { 16 };
-        // SAFETY: as above.
-        while left > 0 && unsafe { (self.error)() }.code != 0 {
-            left -= 1;
-        }
-        first
-    }
-
-    fn reason(&self, code: c_uint) -> String {
-        // SAFETY: any code may be asked for.
-        let text = unsafe { (self.error_text)(code) };
-        // SAFETY: a text of the library, closed by a zero, or NULL.
-        unsafe { text_of(text) }.unwrap_or_else(|| format!("error {code:#06x}"))
-    }
-}
-
-/// A text of the library.
-///
-/// # Safety
-/// `text` is NULL or closed by a zero.
-unsafe fn text_of(text: *const c_char) -> Option<String> {
-    // SAFETY: as the caller promises.
-    (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
-}
-
-/// What the servo thread measured.
-#[derive(Clone, Copy)]
-struct Measured {
-    sample: DeviceSample,
-    /// Error of the library; 0: none.
-    error: c_uint,
-    at: Instant,
-}
-
-/// A wrench with its number, so that the servo thread knows a new one.
-#[derive(Clone, Copy, Default)]
-struct Wanted {
-    force: Vector3<f64>,
-    number: u64,
-}
-
-/// What the callback works with.
-struct Servo {
-    functions: Functions,
-    handle: Handle,
-    samples: Writer<Measured>,
-    wanted: Reader<Wanted>,
-    number: u64,
-    silence: u32,
-}
-
-/// The servo thread's work of one period.
-///
-/// # Safety
-/// `data` is the address of a [`Servo`] that nobody else uses while the callback is scheduled.
-unsafe extern "C" fn serve(data: *mut c_void) -> c_uint {
-    // SAFETY: as the scheduler was given it.
-    let servo = unsafe { &mut *data.cast::<Servo>() };
-    servo.period();
-    CALLBACK_CONTINUE
-}
-
-impl Servo {
-    fn period(&mut self) {
-        let f = self.functions;
-        let mut transform = [0.0; 16];
-        let [mut v, mut w] = [[0.0; 3]; 2];
-        let mut buttons = 0;
-        let wanted = *self.wanted.latest();
-        self.silence = if wanted.number == self.number { self.silence.saturating_add(1) } else { 0 };
-        self.number = wanted.number;
-        let force: [f64; 3] = if self.silence > LARGEST_SILENCE { [0.0; 3] } else { wanted.force.into() };
-        // SAFETY: on the servo thread, between begin and end of a frame, with an initialised device; each array has the
-        // length that the parameter asks for.
-        unsafe {
-            (f.begin_frame)(self.handle);
-            (f.get_doubles)(CURRENT_TRANSFORM, transform.as_mut_ptr());
-            (f.get_doubles)(CURRENT_VELOCITY, v.as_mut_ptr());
-            (f.get_doubles)(CURRENT_ANGULAR_VELOCITY, w.as_mut_ptr());
-            (f.get_integers)(CURRENT_BUTTONS, &raw mut buttons);
-            (f.set_doubles)(CURRENT_FORCE, force.as_ptr());
-            (f.end_frame)(self.handle);
-        }
-        let sample = DeviceSample {
-            velocity: Twist { linear: Vector3::from(v) * MILLIMETRE, angular: w.into() },
-            buttons: buttons as u32,
-            ..DeviceSample::at_rest(0.0, pose(&transform))
-        };
-        self.samples.send(Measured { sample, error: f.take_error(), at: Instant::now() });
-    }
-}
-
-/// A pose of the library: a matrix of four by four, by columns, in millimetres.
-fn pose(m: &[f64; 16]) -> Isometry3<f64> {
-    let matrix = Matrix3::from_fn(|i, j| m[4 * j + i]);
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
-    Isometry3::from_parts(Translation3::new(m[12] * MILLIMETRE, m[13] * MILLIMETRE, m[14] * MILLIMETRE), rotation)
-}
 
 /// An open device.
 struct OpenHaptics {
