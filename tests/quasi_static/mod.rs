@@ -25,6 +25,7 @@ pub(crate) fn press(sim: &mut Simulation<'_>, position: Vector3<f64>, tolerance:
         assert!(!report.refused && report.detection.dropped == 0, "{report:?}");
         assert_eq!(report.solve.status, SolveStatus::Solved, "{report:?}");
         assert_eq!((report.repeated, report.folds.folded), (0, 0), "the guard has no part in an ordinary press");
+        assert!(report.tangle.is_none() && !report.led, "an ordinary press ties no knots");
         if (report.force - before).norm() < tolerance * report.force.norm() {
             return (report, steps);
         }

@@ -25,7 +25,7 @@ pub const DRIVER: Driver = Driver {
     summary: "omega, delta, sigma, lambda and Falcon, through Force Dimension's DHD library",
     real_time: true,
     own_frame: true,
-    keys: &["library"],
+    keys: &["library", "gripper_range"],
     open,
     probe,
 };
@@ -51,9 +51,9 @@ const ERROR_NO_DEVICE: c_int = 5;
 const ERROR_TIMEOUT: c_int = 7;
 const ERROR_NOT_READY: c_int = 12;
 
-/// Opening of the gripper that counts as open (m) and the largest force between its fingers (N): what the data sheets of
-/// omega.7 and sigma.7 state for grasping, 25 mm and 8 N.
-const GRIPPER_GAP: f64 = 25e-3;
+/// Opening of the gripper that counts as open (m), where the scene does not state its range, and the largest force between its
+/// fingers (N): what the data sheets of omega.7 and sigma.7 state for grasping, 25 mm and 8 N.
+const GRIPPER_RANGE: f64 = 25e-3;
 const GRIPPER_FORCE: f64 = 8.0;
 
 vendor_functions! {
@@ -109,6 +109,8 @@ struct ForceDimension {
     _library: VendorLibrary,
     id: c_char,
     spec: DeviceSpec,
+    /// Opening that counts as open (m).
+    gripper_range: f64,
     /// Force between the fingers for the next command (N); positive opens, as the gap grows.
     gripper_force: f64,
     open: bool,
@@ -125,7 +127,9 @@ fn open(config: &DriverConfig) -> Opened {
     // A number of a device fits in the vendor's own type for it.
     let id = id as c_char;
     let spec = spec(&functions, id);
-    let device = ForceDimension { functions, _library: library, id, spec, gripper_force: 0.0, open: true };
+    let range = config.gripper_range.filter(|range| range.is_finite() && *range > 0.0).unwrap_or(GRIPPER_RANGE);
+    let device =
+        ForceDimension { functions, _library: library, id, spec, gripper_range: range, gripper_force: 0.0, open: true };
     // SAFETY: the device is open.
     if unsafe { (functions.enable_force)(1, id) } < 0 {
         let reason = format!("forces cannot be enabled: {}", functions.reason().1);
@@ -190,7 +194,7 @@ impl HapticDevice for ForceDimension {
         let f = &self.functions;
         let [mut p, mut v, mut w] = [[0.0; 3]; 3];
         let mut frame = [[0.0; 3]; 3];
-        let mut gap = GRIPPER_GAP;
+        let mut gap = self.gripper_range;
         // SAFETY: the device is open; each pointer is to a number, or three by three of them, of this function.
         let answers = unsafe {
             [
@@ -216,7 +220,7 @@ impl HapticDevice for ForceDimension {
             velocity: Twist { linear: v.into(), angular: w.into() },
             // SAFETY: the device is open.
             buttons: unsafe { (f.buttons)(self.id) },
-            gripper: gap / GRIPPER_GAP,
+            gripper: gap / self.gripper_range,
         })
     }
 
@@ -232,7 +236,7 @@ impl HapticDevice for ForceDimension {
     }
 
     fn write_gripper(&mut self, effort: f64) {
-        let force = (effort / GRIPPER_GAP).clamp(-GRIPPER_FORCE, GRIPPER_FORCE);
+        let force = (effort / self.gripper_range).clamp(-GRIPPER_FORCE, GRIPPER_FORCE);
         self.gripper_force = if self.spec.freedoms.gripper && force.is_finite() { force } else { 0.0 };
     }
 

@@ -22,7 +22,7 @@ use palpate_haptics::device::HapticDevice;
 pub use error::DriverError;
 
 /// What a scene says about the way to its device.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct DriverConfig {
     /// The vendor's library, where it is not found by its own name.
     pub library: Option<PathBuf>,
@@ -30,6 +30,8 @@ pub struct DriverConfig {
     pub url: Option<String>,
     /// Trace to replay.
     pub trace: Option<PathBuf>,
+    /// How far the fingers of the gripper open (m), > 0, where the driver's own figure is not the device's.
+    pub gripper_range: Option<f64>,
 }
 
 /// An open device, or why there is none.

@@ -63,6 +63,13 @@ fn pose_velocity_switches_and_torque_are_those_of_the_library() {
     }
     device.close();
     assert_eq!(library.get("stand_in_gripper"), 0);
+
+    // The same gap and work on a gripper that opens by 50 mm.
+    let mut wide = open(&DriverConfig { gripper_range: Some(50e-3), ..library.config() }).unwrap();
+    assert!((wide.read(tick(6)).unwrap().gripper - 0.2).abs() < 1e-15);
+    wide.write_gripper(0.05);
+    wide.write(Wrench::zero()).unwrap();
+    assert_eq!(library.get("stand_in_gripper"), 1000);
 }
 
 #[test]

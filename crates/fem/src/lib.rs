@@ -7,6 +7,7 @@ pub mod assembly;
 pub mod averaging;
 pub mod block;
 pub mod closed_surface;
+mod directions;
 pub mod element;
 pub mod factor;
 pub mod format;

@@ -4,9 +4,15 @@
 //! with the age of the factor. When the recurrence says that the tolerance is met, the residual is computed afresh,
 //! reported, and iterated on if rounding has made the two differ.
 //!
+//! Solves with one matrix may share what they learn of it: the directions of earlier ones are kept, which are conjugate, and
+//! a later one begins with its error removed from their span and never searches there again (Saad, Yeung, Erhel and
+//! Guyomarc'h 2000, with directions of conjugate gradients in the place of eigenvectors). Two scalar products and two additions
+//! for each direction cost far less than a solve with a factor.
+//!
 //! Scalar products are plain sums in the order of the unknowns, so the iterates have the same bits for any number of
 //! threads.
 
+use crate::directions::Directions;
 use crate::preconditioner::Preconditioner;
 use crate::sparse::SystemMatrix;
 
@@ -55,9 +61,10 @@ pub struct PcgReport {
     pub relative_residual: f64,
 }
 
-/// Vectors of one iteration, each of length `3 n`.
+/// Vectors of one iteration, each of length `3 n`, and the directions of earlier solves.
 #[derive(Clone, Debug)]
 pub struct PcgWorkspace {
+    kept: Directions,
     r: Vec<f64>,
     z: Vec<f64>,
     p: Vec<f64>,
@@ -68,7 +75,19 @@ impl PcgWorkspace {
     /// Memory for `nodes` free nodes.
     pub fn new(nodes: usize) -> Self {
         let zeros = vec![0.0; 3 * nodes];
-        Self { r: zeros.clone(), z: zeros.clone(), p: zeros.clone(), ap: zeros }
+        Self { kept: Directions::new(0, 0), r: zeros.clone(), z: zeros.clone(), p: zeros.clone(), ap: zeros }
+    }
+
+    /// Keeps up to `most` directions from solve to solve, 48 bytes each for every node. [`Self::forget`] is to be called
+    /// whenever the matrix is another: with directions of another the solution is as good, and found later.
+    #[must_use]
+    pub fn keeping_directions(self, most: usize) -> Self {
+        Self { kept: Directions::new(most, self.r.len()), ..self }
+    }
+
+    /// Forgets the directions of earlier solves: the next one is with another matrix.
+    pub fn forget(&mut self) {
+        self.kept.clear();
     }
 }
 
@@ -91,7 +110,7 @@ pub fn pcg(
     if b.len() != n || x.len() != n || workspace.r.len() != n || a.blocks.len() != a.pattern.blocks() {
         return report(PcgStatus::WrongSize, 0, f64::INFINITY);
     }
-    let PcgWorkspace { r, z, p, ap } = workspace;
+    let PcgWorkspace { kept, r, z, p, ap } = workspace;
     let b_norm = dot(b, b).sqrt();
     if !b_norm.is_finite() || b_norm == 0.0 {
         x.fill(0.0);
@@ -111,8 +130,13 @@ pub fn pcg(
         r.copy_from_slice(b);
         residual = 1.0;
     }
-    let mut rz = 0.0;
-    let mut restart = true;
+    let mut earlier = kept.len();
+    if earlier > 0 && residual > config.relative_tolerance && residual.is_finite() {
+        kept.remove_from(r, x);
+        residual = dot(r, r).sqrt() / b_norm;
+    }
+    let (mut rz, mut curvature) = (0.0, 0.0);
+    let (mut restart, mut conjugate) = (true, true);
     let mut iteration = 0;
     loop {
         let last = iteration >= config.max_iterations;
@@ -124,8 +148,8 @@ pub fn pcg(
             if last {
                 return report(PcgStatus::OutOfIterations, iteration, residual);
             }
-            // the recurrence had drifted: go on from the true residual
-            restart = true;
+            // the recurrence had drifted: go on from the true residual, and search everywhere again
+            (restart, earlier, conjugate) = (true, 0, false);
         }
 
         // direction: z = P⁻¹ r, p = z + beta p
@@ -142,24 +166,35 @@ pub fn pcg(
         if restart {
             p.copy_from_slice(z);
         } else {
-            let beta = rz_new / rz;
+            // beside directions of earlier solves, which rounding leaves not quite conjugate, from what it stands for
+            let beta = if earlier > 0 { -dot(z, ap) / curvature } else { rz_new / rz };
             p.iter_mut().zip(&*z).for_each(|(p, z)| *p = z + beta * *p);
+        }
+        kept.make_conjugate(earlier, z, p);
+        let mut along = if earlier > 0 { dot(p, r) } else { rz_new };
+        if earlier > 0 && (along - rz_new).abs() > 0.5 * rz_new {
+            // equal, where the directions of earlier solves are what they should be
+            p.copy_from_slice(z);
+            (along, earlier, conjugate) = (rz_new, 0, false);
         }
         (rz, restart) = (rz_new, false);
 
         // step: alpha = rz / pAp; x moves only once the new residual is known to be finite
         a.multiply(p, ap);
-        let curvature = dot(p, ap);
+        curvature = dot(p, ap);
         if curvature <= 0.0 {
             return report(PcgStatus::Indefinite, iteration, residual);
         }
-        let alpha = rz / curvature;
+        let alpha = along / curvature;
         r.iter_mut().zip(&*ap).for_each(|(r, ap)| *r -= alpha * ap);
         let next = dot(r, r).sqrt() / b_norm;
         if !next.is_finite() || !alpha.is_finite() {
             return report(PcgStatus::NonFinite, iteration, residual);
         }
         x.iter_mut().zip(&*p).for_each(|(x, p)| *x += alpha * p);
+        if conjugate {
+            kept.push(p, ap, curvature);
+        }
         residual = next;
         iteration += 1;
     }
@@ -173,7 +208,7 @@ fn residual(a: &SystemMatrix, b: &[f64], x: &[f64], r: &mut [f64]) -> f64 {
 }
 
 /// Scalar product in four interleaved partial sums, a fixed order that vectorises.
-fn dot(x: &[f64], y: &[f64]) -> f64 {
+pub(crate) fn dot(x: &[f64], y: &[f64]) -> f64 {
     let mut sums = [0.0; 4];
     let (x, x_rest) = x.as_chunks::<4>();
     let (y, y_rest) = y.as_chunks::<4>();

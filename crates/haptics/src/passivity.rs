@@ -172,6 +172,13 @@ impl Passivity {
         })
     }
 
+    /// The same layer for a port of one number, along x: what is a force and a way here is there a torque and an angle. `damping`
+    /// in N m s/rad is what it may dissipate by.
+    pub(crate) fn of_one_angle(&self, damping: f64) -> Self {
+        let config = PassivityConfig { least_speed: self.config.least_turn, ..self.config };
+        Self { config, damping, rotational_damping: 0.0, ..*self }
+    }
+
     /// Books what went through the port since the tick before. `pose` is finite.
     pub fn observe(&self, state: &mut PassivityState, pose: &Isometry3<f64>) {
         let Some(before) = state.before.replace(*pose) else { return };

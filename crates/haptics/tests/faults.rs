@@ -30,12 +30,18 @@ struct Rig {
 
 impl Rig {
     fn new() -> Self {
+        Self::at(1e-3)
+    }
+
+    /// With a tick every `period` (s).
+    fn at(period: f64) -> Self {
         let spec = DeviceSpec { max_force: MAX_FORCE, ..DeviceSpec::virtual_device(0.0) };
         let ball = Ball::at_nodes(RADIUS);
         let (tool, detection) = (ball.shape.clone().into(), ball.detection);
         let patch =
             PatchTickConfig { tool, detection, max_nodes: 40, max_bodies: 0, hand_over: PatchTickConfig::HAND_OVER };
-        let tick = Tick::new(&TickConfig::for_device(&spec), &spec).and_then(|tick| tick.on_patches(patch)).unwrap();
+        let config = TickConfig { period, ..TickConfig::for_device(&spec) };
+        let tick = Tick::new(&config, &spec).and_then(|tick| tick.on_patches(patch)).unwrap();
         let (state, ws) = (tick.state(40), tick.workspace(40));
         let snapshot = HapticSnapshot::with_patch(40, 40);
         Self { tick, state, ws, ball, snapshot, index: 0, sent: Vector3::zeros() }
@@ -199,7 +205,51 @@ fn a_motion_that_a_hand_can_make_is_no_jump() {
     assert_eq!(jumped.iter().position(|jumped| *jumped), Some(3), "after 21 mm: {jumped:?}");
 }
 
-/// The last two seconds of a day against the first two: times are differences of large numbers by then.
+/// Every tick of a day, at 25 Hz: the tool presses for two seconds of each minute and is away for the rest. Counts are exact at
+/// its end, times too, and the forces of the last minute are those of the first to the bit: nothing adds up.
+#[test]
+fn in_a_day_of_ticks_no_count_drifts_and_the_last_minute_is_the_first_to_the_bit() {
+    const RATE: u64 = 25;
+    const MINUTE: u64 = 60 * RATE;
+    const DAY: u64 = 24 * 60 * MINUTE;
+    let (mut rig, mut first, mut last, mut active) = (Rig::at(1.0 / RATE as f64), Vec::new(), Vec::new(), 0);
+    rig.step();
+    for index in 0..DAY {
+        let (minute, k) = (index / MINUTE, index % MINUTE);
+        rig.snapshot.step += u64::from(k % 5 == 0 && index > 0);
+        // Down by a millimetre and up again within two seconds, from 9 mm above the skin.
+        let way = (std::f64::consts::PI * k.min(2 * RATE) as f64 / RATE as f64).cos();
+        let place = pressed() + Vector3::z() * (5e-3 * (1.0 + way));
+        let time = TickTime { index, time: index as f64 / RATE as f64, dt: rig.tick.period() };
+        let record = rig.tick.tick(&mut rig.state, &rig.snapshot, &at(place), time, &mut rig.ws);
+        active += u64::from(record.active > 0);
+        match minute {
+            0 => first.push(record),
+            1439 => last.push(record),
+            _ => assert!(record.wrench.force.norm() <= MAX_FORCE + 1e-12),
+        }
+    }
+    let touched = first.iter().filter(|record| record.active > 0).count() as u64;
+    assert!(touched > RATE / 4 && first.iter().any(|record| record.wrench.force.norm() > 0.1), "{touched} ticks");
+    assert_eq!(active, 1440 * touched);
+    assert_eq!(rig.snapshot.step, DAY / 5);
+    for (k, (a, b)) in first.iter().zip(&last).enumerate() {
+        let since = (DAY - MINUTE) as usize + k;
+        assert_eq!((b.index, b.time), (since as u64, since as f64 / RATE as f64));
+        assert_eq!(b.snapshot_step - a.snapshot_step, (DAY - MINUTE) / 5);
+        // The force has come in by its ramp in the first seconds of the day.
+        if k > RATE as usize {
+            assert_eq!(
+                (a.wrench, a.contact_wrench, a.tool_pose),
+                (b.wrench, b.contact_wrench, b.tool_pose),
+                "tick {k}"
+            );
+            assert_eq!((a.snapshot_age, a.gain, a.active), (b.snapshot_age, b.gain, b.active), "tick {k}");
+        }
+    }
+}
+
+/// The last two seconds of a day at 1 kHz by a measured clock against the first two: times are differences of large numbers by then.
 #[test]
 fn after_a_day_the_counts_are_exact_and_the_forces_are_those_of_the_first_seconds() {
     const DAY: u64 = 86_400_000;

@@ -34,8 +34,12 @@ pub(crate) fn has_virtual_time(kind: &str) -> bool {
 /// Keys of the scene's device that its kind does not read.
 pub(crate) fn keys_without_effect(device: &DeviceDescription) -> impl Iterator<Item = &'static str> {
     let driver = driver(&device.kind);
-    let given =
-        [("library", device.library.is_some()), ("url", device.url.is_some()), ("trace", device.trace.is_some())];
+    let given = [
+        ("library", device.library.is_some()),
+        ("url", device.url.is_some()),
+        ("trace", device.trace.is_some()),
+        ("gripper_range", device.gripper_range.is_some()),
+    ];
     let reads = move |key: &str| driver.is_some_and(|driver| driver.keys.contains(&key));
     let placed = device.kind == PORT || driver.is_some_and(|driver| driver.own_frame);
     let default = PlaceConfig::default();
@@ -102,11 +106,12 @@ pub(crate) fn first_pose(world: &World, device: &mut dyn HapticDevice) -> ToolPo
 
 /// What the scene says to its driver, with paths that are found from anywhere.
 fn driver_config(scene: &Scene) -> DriverConfig {
-    let DeviceDescription { library, url, trace, .. } = &scene.description().device;
+    let DeviceDescription { library, url, trace, gripper_range, .. } = &scene.description().device;
     // A bare name is for the system's loader to find.
     let library = library.as_ref().map(|name| match name.contains(['/', '\\']) {
         true => scene.folder().join(name),
         false => name.into(),
     });
-    DriverConfig { library, url: url.clone(), trace: trace.as_ref().map(|name| scene.folder().join(name)) }
+    let trace = trace.as_ref().map(|name| scene.folder().join(name));
+    DriverConfig { library, url: url.clone(), trace, gripper_range: *gripper_range }
 }

@@ -232,10 +232,10 @@ where
     Ok(())
 }
 
-/// A number as short as it stays readable.
+/// A number as short as it stays readable; a thousandth that rounding made smaller like any other.
 fn number(v: &f64) -> String {
     let size = v.abs();
-    if size != 0.0 && !(1e-3..1e5).contains(&size) {
+    if size != 0.0 && !(0.000_999_999..1e5).contains(&size) {
         format!("{v:.0e}")
     } else {
         format!("{}", (v * 1e6).round() / 1e6)

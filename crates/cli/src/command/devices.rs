@@ -24,7 +24,7 @@ pub(crate) fn devices(arguments: &DevicesArguments) -> Result<u8> {
             _ => None,
         };
         let url = arguments.haply.clone().filter(|_| driver.keys.contains(&"url"));
-        match (driver.probe)(&DriverConfig { library, url, trace: None }) {
+        match (driver.probe)(&DriverConfig { library, url, ..DriverConfig::default() }) {
             Ok(found) => line(driver.name, "found", &format!("{found}; {}", driver.summary))?,
             Err(reason) => line(driver.name, "not found", &reason.to_string())?,
         }

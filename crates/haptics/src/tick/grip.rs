@@ -16,7 +16,7 @@ impl Tick {
     /// # Errors
     /// A number out of its range.
     pub fn with_gripper(self, config: &GripConfig, hinge: Hinge) -> Result<Self, SetupError> {
-        Ok(Self { gripper: Some(Gripper::new(config, hinge, self.period)?), ..self })
+        Ok(Self { gripper: Some(Gripper::new(config, hinge, &self.passivity, self.period)?), ..self })
     }
 
     /// Takes a sound sample over.
@@ -50,9 +50,10 @@ impl Tick {
     ) -> GripperRecord {
         let device = state.device_gripper;
         let Some(gripper) = &self.gripper else { return GripperRecord { device, ..GripperRecord::default() } };
-        let torque = gripper.send(&mut state.gripper, contact_torque, state.limits.gain, dt, flags);
-        let opening = gripper.opening(&state.gripper);
-        GripperRecord { device, opening, torque, contact_torque, effort: gripper.effort(torque) }
+        let (torque, withheld) = gripper.send(&mut state.gripper, contact_torque, state.limits.gain, dt, flags);
+        let (opening, effort) = (gripper.opening(&state.gripper), gripper.effort(torque));
+        let (energy, account) = state.gripper.energy();
+        GripperRecord { device, opening, torque, contact_torque, effort, energy, account, withheld }
     }
 }
 

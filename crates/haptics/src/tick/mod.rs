@@ -201,6 +201,9 @@ impl Tick {
             state.passivity.cut();
         }
         self.passivity.observe(&mut state.passivity, &sample.pose);
+        if let Some(gripper) = &self.gripper {
+            gripper.observe(&mut state.gripper);
+        }
     }
 }
 

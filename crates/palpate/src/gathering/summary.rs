@@ -85,10 +85,41 @@ impl Gathering {
     fn tangle_note(&self) -> Option<String> {
         let (since, Tangle { edges, winding, place }) = self.tangle?;
         Some(format!(
-            "body {} ends tangled: since {since:.3} s it has not wound once round {edges} of its inner edges but {winding} times \
-             round one {}, so that it lies upon itself; try a softer press, a smaller step or a finer mesh",
+            "body {} ends tangled, as it has been since {since:.3} s: it passed through itself, and {edges} of its inner edges \
+             are not wound round once, the worst {winding} times, {}; try a softer press, a smaller step or a finer mesh",
             self.body,
             self.name(place)
         ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::Unobserved;
+    use crate::scene::Scene;
+    use crate::simulation::Simulation;
+    use crate::step::{FailedElement, StepReport};
+
+    /// A tangle is a note while it lasts at the end of a run, with the time since when, and counted in either case.
+    #[test]
+    fn a_body_that_ends_tangled_is_a_note_of_the_summary() {
+        let world = Scene::bundled("block").unwrap().build().unwrap();
+        let report = Simulation::new(&world).unwrap().step(&world.first_pose());
+        let tangle = Tangle { edges: 3, winding: 2, place: FailedElement { tetrahedron: 7, region: 0 } };
+        for ends_tangled in [true, false] {
+            let mut gathering = Gathering::new(&world);
+            for step in 0..6 {
+                let seen = (2..if ends_tangled { 6 } else { 5 }).contains(&step).then_some(tangle);
+                let time = f64::from(step) / 30.0;
+                gathering.step(&StepReport { tangle: seen, led: step == 4, time, ..report }, &mut Unobserved);
+            }
+            let summary = gathering.summary(&world, None, None);
+            assert_eq!((summary.tangled, summary.led), (if ends_tangled { 4 } else { 3 }, 1));
+            let said = |words: &str| summary.notes.iter().any(|note| note.contains(words));
+            assert_eq!(said("ends tangled, as it has been since 0.067 s"), ends_tangled, "{:?}", summary.notes);
+            assert_eq!(said("3 of its inner edges"), ends_tangled);
+            assert_eq!(said("at tetrahedron 7"), ends_tangled);
+        }
     }
 }

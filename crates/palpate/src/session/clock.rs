@@ -134,4 +134,20 @@ mod tests {
         clock.advance(None, 3);
         assert_eq!(clock.advance(None, 10), (Some(7), ClockEvent::Sound));
     }
+
+    #[test]
+    fn after_a_day_ticks_are_exact_and_a_counter_that_wraps_costs_a_second_of_trust_and_no_time() {
+        const DAY: u64 = 86_400_000;
+        let answers = run(&mut DeviceClock::default(), (DAY - 5..DAY + 2000).map(|k| (7 + k * MS, k * MS)));
+        assert!(answers[1..].iter().all(|&answer| answer == (Some(MS), ClockEvent::Sound)));
+        // Microseconds in 32 bits begin anew every 71.6 minutes.
+        let around = (1 << 32) * 1000;
+        let ticks = (0..4000).map(|k| ((around - 1000 * MS + k * MS) % around, DAY * MS + k * MS));
+        let answers = run(&mut DeviceClock::default(), ticks);
+        assert!(answers[1..].iter().all(|answer| answer.0 == Some(MS)));
+        let backwards: Vec<_> = (0..4000).filter(|&k| answers[k].1 == ClockEvent::Backwards).collect();
+        assert_eq!(backwards, [1000]);
+        assert!(answers[1001..2000].iter().all(|answer| answer.1 == ClockEvent::Unsteady));
+        assert!(answers[2001..].iter().all(|answer| answer.1 == ClockEvent::Sound));
+    }
 }

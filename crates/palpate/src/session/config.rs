@@ -68,6 +68,7 @@ impl PortConfig {
         scene.edit(|d| {
             d.device.kind = PORT.into();
             (d.device.library, d.device.url, d.device.trace) = (None, None, None);
+            d.device.gripper_range = None;
             d.rates.tick = rate;
             if d.coupling.is_none() {
                 d.coupling = Some(CouplingConfig::at_rate(&record, rate));

@@ -17,7 +17,7 @@ use palpate_constraints::law::Law;
 use palpate_fem::pcg::{PcgConfig, PcgReport, PcgStatus, pcg};
 
 use super::preconditioner::StepPreconditioner;
-use super::refinement::{hand_down, refine};
+use super::refinement::{asks_for_refinement, hand_down, refine};
 use super::stages::inverse;
 use super::{StepReport, StepState, StepStatus, StepWorkspace};
 use crate::refresh::FactorSample;
@@ -25,6 +25,13 @@ use crate::world::{Integration, World};
 
 /// Relative residual at which a compared column counts as exact.
 const SAMPLE_TOLERANCE: f64 = 1e-6;
+
+/// Relative residual at which the motion of the forces is first looked at: enough to tell whether they are to be refined,
+/// after which their motion is another.
+const FIRST_LOOK: f64 = 1e-3;
+
+/// The same for forces that are refined, as a share of the square of their error: what refinement leaves is of that order.
+const SHARE_OF_SQUARE: f64 = 0.1;
 
 /// Whether the correction by the inverse that gave `W` is only where conjugate gradients begin.
 pub(super) fn corrects_exactly(world: &World, ws: &StepWorkspace, report: &StepReport) -> bool {
@@ -50,14 +57,16 @@ pub(super) fn correct_exactly(
     let m = ws.rows.len();
     ws.refinement.shift[..m].fill(0.0);
     if corrects_exactly(world, ws, report) {
-        let solve = exact_motion(world, factor, ws);
-        report.error.correction_iterations = solve.iterations as u32;
-        let misfit = misfit(ws);
-        if misfit.opened > 0.0 {
-            report.error.along_forces = misfit.along_forces();
+        let mut solve = look(world, factor, FIRST_LOOK, ws, report);
+        let second = SHARE_OF_SQUARE * report.error.along_forces.powi(2);
+        if asks_for_refinement(report) && second < FIRST_LOOK {
+            solve = look(world, factor, second, ws, report);
         }
-        if solve.status == PcgStatus::Converged {
+        if solve.status == PcgStatus::Converged && asks_for_refinement(report) {
             refine(world, factor, state, ws, report);
+        }
+        if solve.status == PcgStatus::Converged && !report.error.refined {
+            look(world, factor, 0.0, ws, report);
         }
     }
     for (block, problem_block) in ws.rows.blocks.iter().zip(ws.problem.blocks()) {
@@ -72,13 +81,32 @@ pub(super) fn correct_exactly(
     hand_down(ws);
 }
 
-/// `A Δv = h Hᵀ λ` by conjugate gradients from what is in `ws.correction`.
-pub(super) fn exact_motion(world: &World, factor: &FactorSample, ws: &mut StepWorkspace) -> PcgReport {
+/// [`exact_motion`] to a relative residual, or to the scene's where that is greater, and the error of `W` along the forces.
+/// What was solved before in this step is gone on with.
+fn look(
+    world: &World,
+    factor: &FactorSample,
+    tolerance: f64,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
+) -> PcgReport {
+    let solve = exact_motion(world, factor, tolerance, ws);
+    report.error.correction_iterations += solve.iterations as u32;
+    let misfit = misfit(ws);
+    if misfit.opened > 0.0 {
+        report.error.along_forces = misfit.along_forces();
+    }
+    solve
+}
+
+/// `A Δv = h Hᵀ λ` by conjugate gradients from what is in `ws.correction`, to a relative residual or to the scene's where
+/// that is greater.
+pub(super) fn exact_motion(world: &World, factor: &FactorSample, tolerance: f64, ws: &mut StepWorkspace) -> PcgReport {
     let body = &world.description().bodies[0];
     ws.load.fill(0.0);
     ws.rows.tissue.add_transposed(&ws.lambda, &mut ws.load);
     ws.load.iter_mut().for_each(|b| *b *= ws.dt);
-    let config = PcgConfig { relative_tolerance: body.tolerance, max_iterations: body.max_iterations };
+    let config = PcgConfig { relative_tolerance: body.tolerance.max(tolerance), max_iterations: body.max_iterations };
     let mut preconditioner = StepPreconditioner::new(None, factor, &ws.rotations, &mut ws.solve);
     pcg(&ws.fem.system, &ws.load, &mut ws.correction, &mut preconditioner, config, &mut ws.pcg)
 }

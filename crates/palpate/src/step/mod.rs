@@ -110,6 +110,7 @@ pub fn step(
     report.rung = climb::begin(world, state, ws);
     let mut clock = Clock::start();
     let before = state.tool;
+    ws.pcg.forget();
     state.remember();
     match world.integration() {
         Integration::BackwardEuler => {

@@ -38,7 +38,14 @@ impl RefinementWorkspace {
     }
 }
 
-/// Refines forces whose exact motion is in `ws.correction`, where `W` missed it by more than a little. The free gaps of
+/// Whether `W` misses the motion of the forces by more than a little, and not by all of it.
+pub(super) fn asks_for_refinement(report: &StepReport) -> bool {
+    // NaN is not above
+    let worth = report.error.along_forces > REFINE_ABOVE && report.error.along_forces < 1.0;
+    worth && report.solve.status != SolveStatus::NotFinite
+}
+
+/// Refines forces whose exact motion is in `ws.correction`, to the square of the error of `W`. The free gaps of
 /// the rows then are those for which `W` gives the refined forces. Where refinement fails to fit better, all stays.
 pub(super) fn refine(
     world: &World,
@@ -48,11 +55,6 @@ pub(super) fn refine(
     report: &mut StepReport,
 ) {
     let m = ws.rows.len();
-    // NaN is not above
-    let worth = report.error.along_forces > REFINE_ABOVE && report.error.along_forces < 1.0;
-    if !worth || report.solve.status == SolveStatus::NotFinite {
-        return;
-    }
     ws.refinement.lambda[..m].copy_from_slice(&ws.lambda[..m]);
     ws.refinement.motion.copy_from_slice(&ws.correction);
     let before = misfit(ws);
@@ -73,7 +75,7 @@ pub(super) fn refine(
     compliance::guess(inverse, change, ws.dt, &mut ws.correction, &mut ws.compliance);
     ws.correction.iter_mut().zip(&ws.refinement.motion).for_each(|(motion, old)| *motion += old);
     ws.rigid.correct(&ws.rows, &ws.lambda[..m], ws.dt);
-    let exact = exact_motion(world, factor, ws);
+    let exact = exact_motion(world, factor, 0.0, ws);
     report.error.correction_iterations += exact.iterations as u32;
     let after = misfit(ws);
 

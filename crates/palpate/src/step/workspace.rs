@@ -35,6 +35,9 @@ use crate::world::{Integration, World};
 /// Rows of a contact with friction.
 pub(super) const ROWS: usize = 3;
 
+/// Directions that the conjugate gradients of a step share: free motion, correction, refinement, compared column.
+const KEPT_DIRECTIONS: usize = 12;
+
 /// Scratch of steps by Newton's method.
 pub(super) struct NewtonStage {
     pub(super) ws: ImplicitWorkspace,
@@ -221,7 +224,7 @@ impl StepWorkspace {
             trial: model.rest_state(),
             fem,
             rotations: vec![Matrix3::identity(); free],
-            pcg: PcgWorkspace::new(free),
+            pcg: PcgWorkspace::new(free).keeping_directions(KEPT_DIRECTIONS),
             solve: SolveWorkspace::new(symbolic),
             v_free: vec![0.0; 3 * free],
             correction: vec![0.0; 3 * free],

@@ -67,6 +67,7 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<(NamedTable, V
         vec![case("block", Use::NormalTouch), case("block", Use::ObliqueTouch), case("block", Use::Palpation)];
     if !quick {
         cases.extend([case("cut", Use::Palpation), case("liver", Use::Palpation)]);
+        cases.extend([case("liver", Use::Touch), case("liver", Use::FineTouch)]);
     }
     let rates: &[f64] = if quick { &[10.0, 30.0] } else { &[10.0, 30.0, 100.0] };
     let methods = [Method::Local, Method::LocalAtOnce, Method::Frozen, Method::Held];
@@ -120,7 +121,7 @@ fn table(outcomes: &[Outcome<'_>]) -> Table {
 fn panels(outcomes: &[Outcome<'_>]) -> Vec<Panel> {
     let (mut touches, mut panels): (Vec<Panel>, Vec<Panel>) = (Vec::new(), Vec::new());
     for ((case, offline, method, rate), (errors, felt)) in outcomes {
-        let touch = matches!(case.purpose, Use::NormalTouch | Use::ObliqueTouch);
+        let touch = case.purpose.is_touch();
         if touch && *rate == DRAWN && *method != Method::LocalAtOnce {
             draw(case, offline, *method, felt, &mut touches);
         }
@@ -142,10 +143,10 @@ fn panels(outcomes: &[Outcome<'_>]) -> Vec<Panel> {
     touches
 }
 
-/// The path of a world, and its length in milliseconds.
-fn path(world: &World) -> Result<(HandScript, usize)> {
+/// The path of a case's world, and its length in milliseconds.
+fn path(case: &Case, world: &World) -> Result<(HandScript, usize)> {
     let script = HandScript::new(world.description().hand.path.clone()).map_err(|e| miette!("{e}"))?;
-    let milliseconds = (script.duration() * OFFLINE) as usize;
+    let milliseconds = (case.duration(script.duration()) * OFFLINE) as usize;
     Ok((script, milliseconds))
 }
 
@@ -153,7 +154,7 @@ fn path(world: &World) -> Result<(HandScript, usize)> {
 fn reference(case: &Case, work: &Work) -> Result<Forces> {
     let exact = |scene: &mut SceneDescription| scene.bodies[0].compliance = ComplianceMethod::Exact;
     let world = case.world(Method::Frozen, OFFLINE, exact)?;
-    let (script, milliseconds) = path(&world)?;
+    let (script, milliseconds) = path(case, &world)?;
     let mut simulation = Simulation::new(&world).map_err(|e| miette!("{e}"))?;
     let mut forces = Vec::with_capacity(milliseconds);
     for k in (0..milliseconds).take_while(|_| !work.stopped()) {
@@ -170,7 +171,7 @@ fn reference(case: &Case, work: &Work) -> Result<Forces> {
 /// Forces of the scene as the hand would feel them, and the milliseconds at which a step came.
 fn felt(case: &Case, method: Method, rate: f64, work: &Work) -> Result<(Forces, Vec<usize>)> {
     let world = case.world(method, rate, |_| {})?;
-    let (script, milliseconds) = path(&world)?;
+    let (script, milliseconds) = path(case, &world)?;
     let mut palpation = Palpation::new(&world, Box::new(ScriptedDevice::new(script)), |config| {
         method.configure(rate, config);
         config.coupling = CouplingConfig { translation: Spring { stiffness: STIFF, damping: 0.0 }, rotation: None };

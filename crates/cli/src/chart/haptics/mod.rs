@@ -32,7 +32,7 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
             "quick: the block has 4 x 4 x 3 cells, its path ends after the press; no liver, no cut, no 100 Hz".into(),
         );
     } else {
-        notes.push("force: the liver has cells of 25 mm, and its path is twice as fast".into());
+        notes.push("force: the liver has cells of 25 mm along its path, and its own or 12 mm where it is touched; it moves twice as fast".into());
     }
     if work.stopped() {
         notes.push("ended early: what was measured until then".into());

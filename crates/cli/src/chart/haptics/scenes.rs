@@ -1,6 +1,7 @@
 //! The bundled scenes as the charts use them: their own bodies, tools and contacts, on paths that end in time.
 
 use miette::{Result, miette};
+use palpate::haptics::script::ScriptKey;
 use palpate::prelude::*;
 use palpate::scene::SceneDescription;
 
@@ -8,6 +9,9 @@ use super::palpation::Method;
 
 /// Cells of the liver where it has to step a thousand times a second (m): 0.0155 in the bundled scene.
 const COARSE_LIVER: f64 = 0.025;
+
+/// Cells of the liver (m) whose first touch tells what of its error is the mesh's.
+const FINE_LIVER: f64 = 0.012;
 
 /// What a scene is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,7 +24,21 @@ pub(crate) enum Use {
     NormalTouch,
     /// Onto it at 45 degrees, exactly.
     ObliqueTouch,
+    /// The begin of the liver's path, exactly, on its own cells.
+    Touch,
+    /// The same on finer ones.
+    FineTouch,
 }
+
+impl Use {
+    /// Whether it is a first touch, and no more.
+    pub(crate) fn is_touch(self) -> bool {
+        !matches!(self, Self::Press | Self::Palpation)
+    }
+}
+
+/// Length (s) of the begin of the liver's path: 100 ms beyond its first touch.
+const TOUCH: f64 = 0.49;
 
 /// Time (s) from the begin of a press to its rest.
 pub(crate) const PRESS: f64 = 0.4;
@@ -41,6 +59,8 @@ impl Case {
             Use::Press | Use::Palpation => self.scene.into(),
             Use::NormalTouch => format!("{}, touched straight on", self.scene),
             Use::ObliqueTouch => format!("{}, touched at 45 degrees", self.scene),
+            Use::Touch => format!("{}, touched", self.scene),
+            Use::FineTouch => format!("{}, cells of {:.0} mm, touched", self.scene, FINE_LIVER * 1e3),
         }
     }
 
@@ -54,6 +74,11 @@ impl Case {
         };
         scene.edit(edit).map_err(|e| miette!("{e}"))?;
         scene.build().map_err(|e| miette!("{e}"))
+    }
+
+    /// How long a path of this length (s) is followed (s).
+    pub(crate) fn duration(&self, path: f64) -> f64 {
+        if matches!(self.purpose, Use::Touch | Use::FineTouch) { path.min(TOUCH) } else { path }
     }
 
     fn describe(&self, scene: &mut SceneDescription) {
@@ -70,12 +95,14 @@ impl Case {
                 pressed.time = PRESS;
                 *path = vec![first, pressed];
             }
+            Use::Touch => hasten(path),
+            Use::FineTouch => {
+                scene.bodies[0].cell = Some(FINE_LIVER);
+                hasten(path);
+            }
             Use::Palpation if self.scene == "liver" => {
                 scene.bodies[0].cell = Some(COARSE_LIVER);
-                // Without the second that it waits at the begin, and twice as fast.
-                path.remove(0);
-                let begin = path.first().map_or(0.0, |key| key.time);
-                path.iter_mut().for_each(|key| key.time = 0.5 * (key.time - begin));
+                hasten(path);
             }
             Use::Palpation if self.quick => path.truncate(3),
             Use::Palpation => {}
@@ -90,4 +117,11 @@ impl Case {
             }
         }
     }
+}
+
+/// Without the second that it waits at the begin, and twice as fast.
+fn hasten(path: &mut Vec<ScriptKey>) {
+    path.remove(0);
+    let begin = path.first().map_or(0.0, |key| key.time);
+    path.iter_mut().for_each(|key| key.time = 0.5 * (key.time - begin));
 }

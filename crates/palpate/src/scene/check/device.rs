@@ -10,6 +10,7 @@ use super::super::description::SceneDescription;
 use super::super::error::nearest;
 use super::super::parse::Source;
 use super::Checked;
+use super::number::positive;
 
 /// Checks every value of device, hand, coupling and limits.
 pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
@@ -27,6 +28,9 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     if let Some(key) = crate::devices::keys_without_effect(&scene.device).next() {
         let message = format!("`{key}` has no effect on a device of kind `{}`", scene.device.kind);
         return Err(source.at(&format!("device.{key}"), message, "leave it out, or change the kind"));
+    }
+    if let Some(range) = scene.device.gripper_range {
+        positive(source, "device.gripper_range", range, "m")?;
     }
     Place::new(&scene.device.place()).map_err(|e| refused("device", e))?;
     scene.device.mechanics.validate().map_err(|e| refused("device.mechanics", e))?;

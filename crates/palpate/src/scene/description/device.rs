@@ -27,6 +27,9 @@ pub struct DeviceDescription {
     /// Trace whose device poses are repeated, relative to the scene file; for `replay`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trace: Option<String>,
+    /// How far the fingers of the device's gripper open (m), > 0, where that is not 25 mm; for `force_dimension`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gripper_range: Option<f64>,
     /// Where the origin of the device's frame lies in the world (m); for hardware and `port`.
     pub origin: [f64; 3],
     /// Which way the device's x, y and z point in the world, such as `["y", "-x", "z"]`; for hardware and `port`.
@@ -39,8 +42,8 @@ impl Default for DeviceDescription {
     fn default() -> Self {
         let PlaceConfig { origin, axes } = PlaceConfig::default();
         let mechanics = VirtualDeviceConfig::default();
-        let (preset, record, library, url, trace) = (None, None, None, None, None);
-        Self { kind: "virtual".into(), preset, record, library, url, trace, origin, axes, mechanics }
+        let (preset, record, library, url, trace, gripper_range) = (None, None, None, None, None, None);
+        Self { kind: "virtual".into(), preset, record, library, url, trace, gripper_range, origin, axes, mechanics }
     }
 }
 
