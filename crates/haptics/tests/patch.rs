@@ -76,7 +76,8 @@ fn friction_holds_its_place_over_ticks_and_snapshots() {
         let first = sheet.snapshot(1, &ball, &pose(over(1e-3, Vector3::zeros())));
         bench.rest(&first, over(1e-3, Vector3::zeros()));
         let aside = Vector3::new(2e-4, -1e-4, 0.0);
-        let held = bench.rest(&first, over(1e-3, aside)).contact_wrench.force;
+        let rest = bench.rest(&first, over(1e-3, aside));
+        let held = rest.contact_wrench.force;
         // The node sticks to the ball's point: both have gone aside by as much as the coupling has let them.
         let stiffness = 1.0 / (C + 1.0 / STIFFNESS);
         assert!((held.xy() + aside.xy() * stiffness).norm() < 2e-3 * held.xy().norm(), "{held}");
@@ -84,7 +85,13 @@ fn friction_holds_its_place_over_ticks_and_snapshots() {
         for step in 2..60 {
             // The patch is gathered around another place each time, so that its nodes change and change their order.
             let about = Vector3::new(3e-3 * f64::from(step % 3), -2e-3 * f64::from(step % 2), 0.0);
-            let new = sheet.snapshot(u64::from(step as u32), &ball, &pose(over(1e-3, aside + about)));
+            let mut new = sheet.snapshot(u64::from(step as u32), &ball, &pose(over(1e-3, aside + about)));
+            // The step has the tool where the ticks have it, and its friction holds the node at the same place.
+            new.tool_pose = rest.tool_pose;
+            let under = new.patch.q_free().iter().position(|q| q.xy().norm() < 1e-9).expect("the node under the ball");
+            new.patch.force_mut()[under] = -held;
+            new.patch.q_free_mut()[under] -= held * C;
+            new.patch.relieve();
             let jump = bench.swap(&old, &new, over(1e-3, aside)).force_jump;
             assert!(jump < 10.0 * tolerance, "{jump} N");
             for _ in 0..32 {
