@@ -13,7 +13,8 @@ use palpate_collision::ToolPose;
 use palpate_solver::problem::Block;
 
 use super::ToolPoses;
-use super::memory::{PatchMemory, STUCK};
+use super::known::STUCK;
+use super::memory::PatchMemory;
 use super::rows::{Row, Rows};
 use crate::body_contact::{BodyContact, ToolPart};
 use crate::patch::HapticPatch;

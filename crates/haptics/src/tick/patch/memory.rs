@@ -24,7 +24,8 @@ use palpate_collision::ToolPose;
 
 use super::PatchWorkspace;
 use super::bodies::BodyMemory;
-use super::rows::{Row, Rows};
+use super::known::{Known, STUCK};
+use super::rows::Rows;
 use crate::patch::HapticPatch;
 use crate::wrench::all_finite;
 
@@ -52,19 +53,6 @@ const FOLLOWS: f64 = 0.3;
 const NOWHERE: Node =
     Node { name: u32::MAX, known: false, shape: ZERO, offset: ZERO, lag: ZERO, yielded: ZERO, drift: ZERO };
 const ZERO: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
-
-/// A contact of the tick before.
-#[derive(Clone, Copy, Debug)]
-struct Known {
-    feature: u64,
-    force: Vector3<f64>,
-    slip: Vector3<f64>,
-    /// Snapshots that came while it stuck.
-    stuck: u32,
-}
-
-/// Snapshots that a contact must have stuck at to be led: a step looks at the tool after the snapshot before has come.
-pub(super) const STUCK: u32 = 2;
 
 /// State of ticks on patches, of fixed size.
 #[derive(Clone, Debug)]
@@ -298,11 +286,5 @@ impl PatchMemory {
                 body.note(row);
             }
         }
-    }
-}
-
-impl Known {
-    fn new(row: &Row) -> Self {
-        Self { feature: row.feature, force: row.force, slip: row.slip, stuck: row.stuck }
     }
 }

@@ -22,6 +22,7 @@
 mod bodies;
 mod compliance;
 mod jaws;
+mod known;
 mod memory;
 mod rows;
 
