@@ -116,11 +116,17 @@ impl<'w> Step<'w> {
         assemble(self.world.model(), &self.state(k), self.world.dt(), &[], &mut self.fem);
     }
 
+    /// Memory for the factor of the step itself.
+    pub(crate) fn own(&self) -> Old {
+        Old { factor: Factor::new(Arc::clone(self.world.symbolic())), surface: None }
+    }
+
     /// The factor of the matrix at step `k`, and the inverse between the nodes of the skin where wanted; leaves the matrix of
     /// the measured step behind.
     pub(crate) fn old(&mut self, k: usize, precompute: bool) -> Result<Old> {
         self.assemble(k);
-        let mut factor = Factor::new(Arc::clone(self.world.symbolic()));
+        // As the factor thread makes it: conjugate gradients read it in 16 bits.
+        let mut factor = Factor::with_packed_copy(Arc::clone(self.world.symbolic()));
         let status = factor.refactor(&self.fem.system).status;
         self.assemble(STEPS);
         if status != FactorStatus::Ok {

@@ -103,7 +103,7 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
 
 /// One step by every method and age; `None` is the exact one.
 fn outcomes(step: &mut Step<'_>, times: usize) -> Result<Vec<(Option<Method>, Outcome)>> {
-    let mut own = step.old(STEPS, false)?;
+    let mut own = step.own();
     let mut all = vec![(None, step.measure(&mut own, None, times))];
     for age in AGES {
         // The oldest matrix is the first: the one that a run precomputes.
