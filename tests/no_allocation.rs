@@ -2,9 +2,8 @@
 
 #![allow(clippy::print_stdout)] // measured numbers, and why a test was skipped
 
+mod allocations;
 mod block;
-
-use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
 
 use palpate::constraints::compliance::ComplianceMethod;
 use palpate::fem::assembly::assemble;
@@ -19,22 +18,8 @@ use palpate::step::{StepInput, StepState, StepStatus, StepWorkspace, step};
 use palpate::tick::Ticker;
 use palpate::world::World;
 
+use allocations::{on_a_worker, violations};
 use block::{STEPS, pose};
-
-#[global_allocator]
-static ALLOCATOR: AllocDisabler = AllocDisabler;
-
-/// One worker: rayon's queue to the pool allocates when it is entered from outside, and not within.
-fn on_a_worker<R: Send>(work: impl FnOnce() -> R + Send) -> R {
-    rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(work)
-}
-
-/// Violations during `work` on this thread.
-fn violations(work: impl FnOnce()) -> u32 {
-    reset_violation_count();
-    assert_no_alloc(work);
-    violation_count()
-}
 
 fn worlds() -> impl Iterator<Item = (ComplianceMethod, f64, World)> {
     let methods = [ComplianceMethod::Asynchronous, ComplianceMethod::Exact, ComplianceMethod::Warped];

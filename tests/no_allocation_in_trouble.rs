@@ -1,29 +1,15 @@
 //! Do steps of tissue in trouble allocate nothing: begun inside out, or twisted until it slips through itself?
 
+mod allocations;
 mod block;
 mod ordeals;
 
-use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
 use nalgebra::Isometry3;
 use palpate::fem::element::ElementKind;
 use palpate::simulation::Simulation;
 
+use allocations::{on_a_worker, violations};
 use block::pose;
-
-#[global_allocator]
-static ALLOCATOR: AllocDisabler = AllocDisabler;
-
-/// One worker: rayon's queue to the pool allocates when it is entered from outside, and not within.
-fn on_a_worker<R: Send>(work: impl FnOnce() -> R + Send) -> R {
-    rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(work)
-}
-
-/// Violations during `work` on this thread.
-fn violations(work: impl FnOnce()) -> u32 {
-    reset_violation_count();
-    assert_no_alloc(work);
-    violation_count()
-}
 
 #[test]
 fn the_guard_of_a_body_that_begins_inside_out_allocates_nothing() {
