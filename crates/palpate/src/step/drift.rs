@@ -19,6 +19,7 @@ use palpate_fem::factor::SolveStatus;
 use palpate_fem::preconditioner::Preconditioner;
 
 use super::preconditioner::StepPreconditioner;
+use super::stages::exact_factor;
 use super::{StepState, StepWorkspace};
 use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
@@ -32,12 +33,15 @@ pub(super) fn drift<'w>(
     ws: &'w mut StepWorkspace,
 ) -> Option<&'w [f64]> {
     let (model, h) = (world.model(), ws.dt);
-    let factored = match world.integration() {
-        Integration::BackwardEuler => ws.own.as_ref().filter(|_| ws.own_is_current),
-        Integration::Newton(_) => Some(&ws.newton.as_ref().filter(|newton| newton.factored)?.ws.factor),
-        Integration::Explicit { .. } => return None,
-    };
-    let own = factored.or(world.plan().constant.then_some(&latest.factor));
+    if matches!(world.integration(), Integration::Explicit { .. }) {
+        return None;
+    }
+    let own = ws.own.as_ref().filter(|_| ws.own_is_current);
+    let exact = exact_factor(world, latest, own, ws.newton.as_ref());
+    // The latest factor is not made for Newton's matrices.
+    if exact.is_none() && ws.newton.is_some() {
+        return None;
+    }
     let r = model.rayleigh_stiffness() / (model.rayleigh_stiffness() + h);
     let goes_on = (1.0 - r) * (1.0 + h * model.rayleigh_mass());
     let velocities = |node: usize| Some((state.fem.v.get(node)?, state.before.v.get(node)?));
@@ -45,7 +49,7 @@ pub(super) fn drift<'w>(
         let (v, before) = velocities(node as usize)?;
         b.copy_from_slice(((v * goes_on + v - before) * model.mass()[node as usize]).as_slice());
     }
-    let mut inverse = StepPreconditioner::new(own, latest, &ws.rotations, &mut ws.solve);
+    let mut inverse = StepPreconditioner::new(exact, latest, &ws.rotations, &mut ws.solve);
     if inverse.apply(&ws.load, &mut ws.sample) != SolveStatus::Ok {
         return None;
     }

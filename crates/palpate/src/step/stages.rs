@@ -144,6 +144,21 @@ pub(super) fn compliance_of<'w>(
     }
 }
 
+/// The factor of the step's own matrix, where there is one: of Newton's last matrix, the latest of a matrix that never changes,
+/// or `own`, which is to be current.
+pub(super) fn exact_factor<'a>(
+    world: &World,
+    latest: &'a FactorSample,
+    own: Option<&'a Factor>,
+    newton: Option<&'a NewtonStage>,
+) -> Option<&'a Factor> {
+    match newton {
+        Some(newton) => newton.factored.then_some(&newton.ws.factor),
+        None if world.plan().constant => Some(&latest.factor),
+        None => own,
+    }
+}
+
 /// What stands for `A⁻¹` in compliance and correction, and which method that is: this step's own factor where there is a
 /// valid one, the first inverse where that serves the step, else the latest factor.
 pub(super) fn inverse<'a>(
@@ -154,12 +169,7 @@ pub(super) fn inverse<'a>(
     first: Option<&'a FirstInverse>,
     rotations: &'a [Matrix3<f64>],
 ) -> (WarpedInverse<'a, PrecomputedInverse<'a>>, ComplianceMethod) {
-    let own = match newton {
-        Some(newton) => newton.factored.then_some(&newton.ws.factor),
-        None if world.plan().constant => Some(&latest.factor),
-        None => own,
-    };
-    match own {
+    match exact_factor(world, latest, own, newton) {
         Some(own) => (WarpedInverse::new(ComplianceMethod::Exact, own.into(), rotations), ComplianceMethod::Exact),
         None => {
             if let Some(warped) = first.and_then(|first| first.warped(latest, rotations)) {
