@@ -15,9 +15,10 @@
  *
  * FRAME AND UNITS
  *   SI units: m, s, N, N m, rad. Right-handed frames. Input and output of a tick are in the frame of the device, which
- *   stands in the world as palpate_options.origin and .axes say; what is for drawing (palpate_surface_...) is in the world. Forces and torques act ON THE HAND: pressing down on
- *   tissue gives a force that points up. Quaternions are w, x, y, z. A gripper is told as 0 closed to 1 open, and gets
- *   back the work of a whole opening (J), which the driver divides by the range of its device.
+ *   stands in the world as palpate_options.origin and .axes say; what is for drawing (palpate_surface_...) is in the
+ *   world. Forces and torques act ON THE HAND: pressing down on tissue gives a force that points up. Quaternions are
+ *   w, x, y, z. A gripper is told as 0 closed to 1 open, and gets back the work of a whole opening (J), which the driver
+ *   divides by the range of its device.
  *
  * SAFETY
  *   In this order: a pose, a number of the tissue's answer or a call that is not sound ends the force at once, and it
@@ -76,6 +77,16 @@
  palpate_last_error tell why.
  */
 #define PALPATE_PHASE_FAILED 4
+
+/*
+ The field velocity and angular_velocity of the input are measured. Without it the library finds them from the poses.
+ */
+#define PALPATE_INPUT_VELOCITY (1u << 0)
+
+/*
+ The field gripper of the input is measured.
+ */
+#define PALPATE_INPUT_GRIPPER (1u << 1)
 
 /*
  A new step of the tissue was taken over.
@@ -171,16 +182,6 @@
  The call itself was refused: see the status.
  */
 #define PALPATE_TICK_REFUSED (1u << 31)
-
-/*
- The field velocity and angular_velocity of the input are measured. Without it the library finds them from the poses.
- */
-#define PALPATE_INPUT_VELOCITY (1u << 0)
-
-/*
- The field gripper of the input is measured.
- */
-#define PALPATE_INPUT_GRIPPER (1u << 1)
 
 /*
  What a function answers. Negative: an error; positive: information; 0: all is well.

@@ -7,15 +7,19 @@
 // The border to C is made of pointers from C.
 #![allow(unsafe_code)]
 
+mod input;
 mod layout;
 mod options;
+mod output;
 mod port;
 mod simulation;
 mod statistics;
 mod status;
 mod surface;
 
+pub use input::*;
 pub use options::{Options, PALPATE_OPTION_OBSERVE_ENERGY_ONLY};
+pub use output::*;
 pub use port::*;
 pub use simulation::*;
 pub use statistics::*;

@@ -6,7 +6,7 @@ use std::path::Path;
 fn header() -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let config = cbindgen::Config::from_file(folder.join("cbindgen.toml")).expect("cbindgen.toml is read");
-    let files = ["status", "options", "statistics", "simulation", "port", "surface"];
+    let files = ["status", "options", "statistics", "simulation", "input", "output", "port", "surface"];
     let builder = files.iter().fold(cbindgen::Builder::new().with_config(config), |builder, file| {
         builder.with_src(folder.join(format!("src/{file}.rs")))
     });
