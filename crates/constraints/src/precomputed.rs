@@ -44,6 +44,16 @@ impl PrecomputedWorkspace {
         self.gather = Some(GatherWorkspace::new(surface, self.reach.max_rows()));
     }
 
+    /// The memory for half solves.
+    pub fn reach(&self) -> &ReachWorkspace {
+        &self.reach
+    }
+
+    /// The same, to change it.
+    pub fn reach_mut(&mut self) -> &mut ReachWorkspace {
+        &mut self.reach
+    }
+
     /// Whether the latest `W` was gathered.
     pub fn is_gathered(&self) -> bool {
         self.gathered.is_some()

@@ -43,6 +43,7 @@ mod penalty;
 mod preconditioner;
 mod prediction;
 mod prepared;
+mod prepared_nodes;
 mod refinement;
 mod report;
 mod rigid;
