@@ -74,6 +74,7 @@ impl<'w, T> Engine<'w, T> {
         }
         let mut ws = StepWorkspace::new(world);
         let factor = FactorSample::first(world, &rest, &mut ws)?;
+        let room = factor.room_for_nodes();
         let (port, refresh) = if world.plan().has_factor_thread() {
             let (port, refresh) = refresh(&factor, &ws.fem.system);
             (port, Some(refresh))
@@ -87,8 +88,9 @@ impl<'w, T> Engine<'w, T> {
         let ticker = make(TickEnds { snapshots: snapshot_reader, poses: pose_writer, line: tick_line })?;
         let state = StepState::new(world, rest);
         ws.problem_files = options.problems.clone().map(ProblemFiles::new);
-        let watch = RefreshWatch::new(world.plan());
-        let stage = StepStage { world, state, ws, port, watch, urged: false, snapshots, poses, line, shape: None };
+        let (watch, nodes) = (RefreshWatch::new(world.plan()), Vec::with_capacity(room));
+        let stage =
+            StepStage { world, state, ws, port, watch, urged: false, nodes, snapshots, poses, line, shape: None };
         Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes, changes })
     }
 
@@ -143,6 +145,8 @@ pub(crate) struct StepStage<'w> {
     port: RefreshPort,
     watch: RefreshWatch,
     urged: bool,
+    /// Free nodes whose half solves the next steps are expected to want.
+    nodes: Vec<u32>,
     snapshots: Writer<HapticSnapshot>,
     poses: Reader<ToolPose>,
     line: StepLine,
@@ -163,9 +167,10 @@ impl StepStage<'_> {
         }
         self.urged = false;
         if report.status == StepStatus::Advanced {
-            let (before, system) = (self.state.state_before(), &self.ws.fem.system);
-            self.port.offer(report.step, time, before, system);
-            self.urged = self.watch.is_too_old(&report) && self.port.urge(report.step, time, before, system);
+            self.ws.latest_nodes(&mut self.nodes);
+            let (before, system, nodes) = (self.state.state_before(), &self.ws.fem.system, &self.nodes);
+            self.port.offer(report.step, time, before, system, nodes);
+            self.urged = self.watch.is_too_old(&report) && self.port.urge(report.step, time, before, system, nodes);
         }
         report
     }

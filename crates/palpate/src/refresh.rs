@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use nalgebra::{Vector3, Vector6};
 use palpate_fem::assembly::assemble;
-use palpate_fem::factor::{Factor, FactorStatus, SymbolicFactor};
+use palpate_fem::factor::{Factor, FactorStatus, NodalCompliance, SymbolicFactor};
 use palpate_fem::model::FemState;
 use palpate_fem::sparse::SystemMatrix;
 use palpate_haptics::exchange::{Reader, Writer, latest};
@@ -33,6 +33,8 @@ pub struct MatrixSample {
     pub q: Vec<Vector3<f64>>,
     /// What its viscous tissue remembered, as [`FemState::memory`]; kept where the body may change.
     pub(crate) memory: Vec<Vector6<f64>>,
+    /// Free nodes whose half solves the next steps are expected to want.
+    pub(crate) nodes: Vec<u32>,
     /// The matrix `A` (kg).
     pub system: SystemMatrix,
 }
@@ -54,6 +56,8 @@ pub struct FactorSample {
     pub(crate) renewed: usize,
     /// `A = Pᵀ L Lᵀ P`, with a copy in 16 bits as the preconditioner of later steps.
     pub factor: Factor,
+    /// Half solves with it, where there is a factor stage to make them.
+    pub(crate) prepared: Option<Box<NodalCompliance>>,
 }
 
 impl FactorSample {
@@ -70,9 +74,21 @@ impl FactorSample {
         system: &SystemMatrix,
     ) -> Result<Self, FactorStatus> {
         let mut factor = Factor::with_packed_copy(Arc::clone(symbolic));
-        match factor.refactor(system).status {
-            FactorStatus::Ok => Ok(Self { epoch, step, time, q: q.into(), memory: Vec::new(), renewed: 0, factor }),
-            status => Err(status),
+        let status = factor.refactor(system).status;
+        let (q, memory, renewed, prepared) = (q.into(), Vec::new(), 0, None);
+        let sample = Self { epoch, step, time, q, memory, renewed, factor, prepared };
+        if status == FactorStatus::Ok { Ok(sample) } else { Err(status) }
+    }
+
+    /// Nodes that it has room to solve for.
+    pub(crate) fn room_for_nodes(&self) -> usize {
+        self.prepared.as_ref().map_or(0, |prepared| prepared.capacity())
+    }
+
+    /// Solves for the nodes that the next steps are expected to want, where there is room for that.
+    pub(crate) fn prepare(&mut self, nodes: &[u32]) {
+        if let Some(prepared) = &mut self.prepared {
+            prepared.prepare(&self.factor, nodes);
         }
     }
 
@@ -91,6 +107,7 @@ impl FactorSample {
             first.remember(&rest.memory);
         }
         ws.precompute(world, &first);
+        first.prepared = ws.room_for_prepared(world);
         Ok(first)
     }
 }
@@ -163,6 +180,8 @@ pub fn refresh(first: &FactorSample, system: &SystemMatrix) -> (RefreshPort, Ref
         time: first.time,
         q: first.q.clone(),
         memory: first.memory.clone(),
+        // Clones keep what is in them, not what there is room for.
+        nodes: vec![0; first.room_for_nodes()],
         system: system.clone(),
     };
     let (matrix_writer, matrix_reader) = latest(&matrix);
@@ -189,8 +208,9 @@ impl RefreshPort {
         }
     }
 
-    /// Hands a matrix over if the factor stage waits for one; copies it only then.
-    pub fn offer(&mut self, step: u64, time: f64, at: &FemState, system: &SystemMatrix) {
+    /// Hands the matrix of a step over if the factor stage waits for one; copies it only then. The factor will come with half
+    /// solves of the free `nodes`, as far as there is room for them.
+    pub fn offer(&mut self, step: u64, time: f64, at: &FemState, system: &SystemMatrix, nodes: &[u32]) {
         let Link::Stage { matrices, signals, .. } = &mut self.link else { return };
         if !signals.wanted.swap(false, Ordering::AcqRel) {
             return;
@@ -203,19 +223,21 @@ impl RefreshPort {
             sample.memory.clear();
             sample.memory.extend_from_slice(&at.memory);
         }
+        sample.nodes.clear();
+        sample.nodes.extend(nodes.iter().take(sample.nodes.capacity()));
         sample.system.blocks.copy_from_slice(&system.blocks);
         matrices.publish();
     }
 
     /// As [`Self::offer`], before the factor stage asks, and wakes its thread. False where it is at work already.
-    pub fn urge(&mut self, step: u64, time: f64, at: &FemState, system: &SystemMatrix) -> bool {
+    pub fn urge(&mut self, step: u64, time: f64, at: &FemState, system: &SystemMatrix, nodes: &[u32]) -> bool {
         let Link::Stage { signals, .. } = &self.link else { return false };
         let signals = Arc::clone(signals);
         if signals.busy.swap(true, Ordering::AcqRel) {
             return false;
         }
         signals.wanted.store(true, Ordering::Release);
-        self.offer(step, time, at, system);
+        self.offer(step, time, at, system, nodes);
         signals.urged.store(true, Ordering::Release);
         if let Some(thread) = signals.thread.get() {
             thread.unpark();
@@ -259,6 +281,7 @@ impl Refresh {
             (slot.epoch, slot.step, slot.time) = (epoch, sample.step, sample.time);
             slot.q.copy_from_slice(&sample.q);
             slot.remember(&sample.memory);
+            slot.prepare(&sample.nodes);
             self.factors.publish();
             self.epoch = epoch;
         }

@@ -31,6 +31,7 @@ impl StepLine {
         flags.set(trace::StepFlags::FACTOR_OUTDATED, report.change.factor == FactorFit::Outdated);
         flags.set(trace::StepFlags::TANGLED, report.tangle.is_some());
         flags.set(trace::StepFlags::LED, report.led);
+        flags.set(trace::StepFlags::SOLVED_IN_FULL, report.in_full > 0);
         line.push(trace::StepRecord {
             step: report.step,
             time_ns,

@@ -30,6 +30,8 @@ flags! {
         10 => TANGLED;
         /// The body was led out of a tangle: it answered as linear elasticity in place of its law.
         11 => LED;
+        /// The factor's copy in 16 bits could not serve: solves went by its stored values.
+        12 => SOLVED_IN_FULL;
     }
 }
 
