@@ -9,10 +9,10 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use crate::changes::{ChangeQueue, taken};
 use crate::gathering::Gathering;
 use crate::problem_files::ProblemFiles;
-use crate::record::{FactorLine, StepLine, TickLine, TraceLines};
+use crate::record::{FactorLine, NoTrace, StepLine, TickLine, TraceLines};
 use crate::refresh::{FactorSample, Refresh, RefreshPort, refresh};
 use crate::refresh_watch::RefreshWatch;
-use crate::run::{RunError, RunOptions, RunOutcome};
+use crate::run::{MOST_THREADS, RunError, RunOptions, RunOutcome};
 use crate::scene::{Staleness, staleness};
 use crate::session::{Shape, ShapeWriter};
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
@@ -47,7 +47,7 @@ impl<'w> Engine<'w> {
         let mut device = crate::devices::device(world.scene())?;
         let spec = device.spec().clone();
         let first = crate::devices::first_pose(world, device.as_mut());
-        Self::with_tick(world, options, &spec, first, |ends| {
+        Self::with_tick(world, options, &spec, first, NoTrace::GoesOn, |ends| {
             Ticker::new(world, device, ends.snapshots, ends.poses, ends.line)
         })
     }
@@ -61,6 +61,7 @@ impl<'w, T> Engine<'w, T> {
         options: &RunOptions,
         device: &DeviceSpec,
         first: ToolPose,
+        no_trace: NoTrace,
         make: impl FnOnce(TickEnds) -> Result<T, RunError>,
     ) -> Result<Self, RunError> {
         if let Some((Staleness::Gone, sentence)) = staleness(world.description()) {
@@ -84,7 +85,7 @@ impl<'w, T> Engine<'w, T> {
         let changes = (world.changes_from_outside() > 0).then(|| ChangeQueue::new(world, &mut ws));
         let (pose_writer, poses) = latest(&first);
         let (snapshots, snapshot_reader) = latest(&world.empty_snapshot());
-        let (line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, device, &mut notes)?;
+        let (line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, device, no_trace, &mut notes)?;
         let ticker = make(TickEnds { snapshots: snapshot_reader, poses: pose_writer, line: tick_line })?;
         let state = StepState::new(world, rest);
         ws.problem_files = options.problems.clone().map(ProblemFiles::new);
@@ -130,6 +131,9 @@ impl<'w, T> Engine<'w, T> {
 
 /// The worker threads of the step.
 pub(crate) fn workers(threads: Option<usize>) -> Result<ThreadPool, RunError> {
+    if let Some(given) = threads.filter(|n| !(1..=MOST_THREADS).contains(n)) {
+        return Err(RunError::Threads(format!("{given} worker threads are outside 1 to {MOST_THREADS}")));
+    }
     ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0))
         .thread_name(|k| format!("palpate-worker-{k}"))
