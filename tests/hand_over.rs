@@ -185,7 +185,7 @@ fn a_press_at_constant_speed_is_as_stiff_as_at_1_khz_whatever_the_rate_of_the_ti
         scene.rates.step = 1000.0;
         scene.bodies[0].compliance = ComplianceMethod::Exact;
     });
-    for rate in [30.0, 100.0] {
+    for rate in [30.0, 100.0, 900.0, 1000.0] {
         let fast = world(|scene| {
             press(scene);
             scene.rates.step = rate;
@@ -248,7 +248,7 @@ fn scenes_say_what_the_tick_works_on_and_refuse_what_it_cannot() {
     let default = parse("").unwrap();
     assert_eq!(default.description().tick.method, TickMethod::Local);
     assert!(default.build().unwrap().understood().contains("tick: local (48 nodes at most, hand-over 10 ms)"));
-    // A third of a step at most; one that a scene states and that outlasts the step is warned of.
+    // A third of a step at most; one that a scene states and that is cut is warned of, one by default is not.
     let rated = |rate: f64, tick: &str| {
         let world = parse(&format!("[rates]\nstep = {rate}\n[tick]\n{tick}")).unwrap().build().unwrap();
         let late = world.warnings().iter().find(|warning| warning.contains("hand_over")).cloned();
@@ -258,8 +258,14 @@ fn scenes_say_what_the_tick_works_on_and_refuse_what_it_cannot() {
     assert_eq!(rated(100.0, "hand_over = 0.002"), (2e-3, None));
     let third = |time: f64| (time - 0.01 / 3.0).abs() < 1e-12;
     assert!(matches!(rated(100.0, ""), (time, None) if third(time)));
-    let (cut, late) = rated(100.0, "hand_over = 0.02");
-    assert!(third(cut) && late.as_ref().is_some_and(|late| late.contains("cut to 3.3 ms")), "{late:?}");
+    for stated in ["0.02", "0.005", "0.0034"] {
+        let (cut, late) = rated(100.0, &format!("hand_over = {stated}"));
+        assert!(third(cut) && late.as_ref().is_some_and(|late| late.contains("cut to 3.3 ms")), "{late:?}");
+    }
+    assert!(matches!(rated(100.0, "hand_over = 0.00333"), (_, None)));
+    // A hand-over that is over within a tick is none.
+    let fast = parse("[rates]\nstep = 500.0").unwrap().build().unwrap();
+    assert!(fast.understood().contains("each step's shape at once"), "{}", fast.understood());
     let frozen = parse("[tick]\nmethod = \"frozen\"").unwrap().build().unwrap();
     assert!(frozen.understood().contains("tick: frozen rows") && frozen.patch_nodes() == 0);
     assert_eq!(frozen.empty_snapshot().patch.max_nodes(), 0);

@@ -111,6 +111,12 @@ fn facts(s: &RunSummary) -> Table {
         "energy through the device: forces / torques / lowest of a contact [mJ]".to_string(),
         format!("{:.3} / {:.3} / {:.3}", 1e3 * port.energy[0], 1e3 * port.energy[1], 1e3 * port.least_account),
     ]);
+    if let Some(gripper) = &port.gripper {
+        table.add_row([
+            "energy through the gripper / lowest of a contact [mJ]; ticks with torque withheld".to_string(),
+            format!("{:.3} / {:.3}; {}", 1e3 * gripper.energy, 1e3 * gripper.least_account, gripper.withheld),
+        ]);
+    }
     table.add_row(["ticks in which something acted on the force".to_string(), acted(&port.counts)]);
     table.add_row([
         "contacts dropped / factors refused".to_string(),

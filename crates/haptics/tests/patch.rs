@@ -287,7 +287,8 @@ fn tissue_that_moves_on_with_the_ball_adds_no_force_until_its_step_is_over() {
     snapshot.patch.drift_mut().fill(sinks);
     let mut bench = Bench::new(&ball, 0.0, |_| {});
     for k in 0..60 {
-        let share = (f64::from(k) * 1e-3 / h).min(1.0);
+        // The snapshot is of the tool in the tick before.
+        let share = (f64::from(k) * 1e-3).min(h) / h + 1e-3 / h;
         let (with, record) = (sinks * share, bench.at(&snapshot, over(1e-3, sinks * share)));
         let tool = record.tool_pose.translation.vector - with;
         let expected = tool.normalize() * ((RADIUS - tool.norm()) / C);

@@ -134,7 +134,7 @@ impl Gathering {
             patches_full: 0,
             frozen_at_rigid: 0,
             impulse: [0.0; 2],
-            port: PortSummary::default(),
+            port: PortSummary::new(world),
             lengths: [world.dt(), 1.0 / world.description().rates.tick],
             unanswered: 0,
             first_unanswered: None,

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::tick::{TickFlags, TickRecord};
+use crate::world::World;
 
 /// Ticks in which something acted on the force, by what it was.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -91,13 +92,36 @@ pub struct PortSummary {
     pub energy: [f64; 2],
     /// Lowest account of a contact (J): what it gave out beyond what it had taken in.
     pub least_account: f64,
+    /// The same of the gripper; `None` for a tool without jaws.
+    pub gripper: Option<GripperSummary>,
+}
+
+/// The gripper of a device over a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct GripperSummary {
+    /// Energy that has gone through (J); positive: from the hand.
+    pub energy: f64,
+    /// Lowest account of a contact (J).
+    pub least_account: f64,
+    /// Ticks in which the passivity controller took from its torque.
+    pub withheld: u64,
 }
 
 impl PortSummary {
+    /// Before the first tick of a world.
+    pub(crate) fn new(world: &World) -> Self {
+        Self { gripper: world.tool().hinge().map(|_| GripperSummary::default()), ..Self::default() }
+    }
+
     /// Counts a tick.
     pub(crate) fn add(&mut self, record: &TickRecord) {
         self.counts.add(record.flags);
         self.energy = [record.energy.translation, record.energy.rotation];
         self.least_account = self.least_account.min(record.energy.account);
+        if let Some(gripper) = &mut self.gripper {
+            gripper.energy = record.gripper.energy;
+            gripper.least_account = gripper.least_account.min(record.gripper.account);
+            gripper.withheld += u64::from(record.gripper.withheld != 0.0);
+        }
     }
 }

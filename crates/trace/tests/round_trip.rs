@@ -70,6 +70,9 @@ impl Bits {
             gripper_torque: self.double(),
             gripper_torque_unlimited: self.double(),
             torque_unlimited: self.doubles(),
+            gripper_energy: self.double(),
+            gripper_account: self.double(),
+            gripper_withheld: self.double(),
         }
     }
 

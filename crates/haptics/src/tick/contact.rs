@@ -29,8 +29,12 @@ impl Tick {
         if outgoing.valid && state.step == Some(outgoing.step) && is_sound(sample) {
             self.read(state, sample);
             let poses = self.poses(state, sample);
-            let local = match (self.local(outgoing), &state.patch) {
-                (Some(problem), Some(memory)) => problem.solve(memory, &outgoing.patch, &poses, ws),
+            let local = match (self.local(outgoing), &mut state.patch) {
+                (Some(problem), Some(memory)) => {
+                    // As the tick that this would have been; the new snapshot begins anew.
+                    memory.age(self.period);
+                    problem.solve(memory, &outgoing.patch, &poses, ws)
+                }
                 _ => self.problem().solve(&mut state.warm_start, outgoing, &poses.predicted, ws),
             };
             state.outgoing = Some(local.wrench.force);
@@ -111,7 +115,7 @@ impl Tick {
                 // Forgotten between two snapshots, after a fault: it begins anew on this one.
                 if !memory.is_of(&snapshot.patch) {
                     memory.forget();
-                    memory.take_over(&snapshot.patch, &snapshot.tool(), snapshot.dt);
+                    memory.take_over(&snapshot.patch, &snapshot.tool(), (snapshot.dt, self.period));
                 }
                 flags.set(TickFlags::LOCAL);
                 let beyond = problem.is_beyond(&snapshot.patch, &snapshot.tool(), &poses.held);

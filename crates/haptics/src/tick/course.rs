@@ -28,7 +28,7 @@ impl Tick {
         }
         if let Some(memory) = &mut state.patch {
             match (self.patch.is_some() && snapshot.patch.valid, new) {
-                (true, true) => memory.take_over(&snapshot.patch, &snapshot.tool(), snapshot.dt),
+                (true, true) => memory.take_over(&snapshot.patch, &snapshot.tool(), (snapshot.dt, dt)),
                 (true, false) => memory.age(dt),
                 (false, _) => memory.forget(),
             }

@@ -67,6 +67,9 @@ impl TickLine {
             tool_opening: r.gripper.opening,
             gripper_torque: r.gripper.torque,
             gripper_torque_unlimited: r.gripper.contact_torque,
+            gripper_energy: r.gripper.energy,
+            gripper_account: r.gripper.account,
+            gripper_withheld: r.gripper.withheld,
             torque_unlimited: r.contact_wrench.torque.into(),
             energy: r.energy.account,
         });

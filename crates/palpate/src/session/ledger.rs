@@ -6,6 +6,7 @@ use crate::run::{Observer, Progress};
 use crate::step::StepReport;
 use crate::summary::{Percentiles, PortSummary, Tail};
 use crate::tick::{TickFlags, TickReport};
+use crate::world::World;
 
 /// A session so far. Times in seconds, forces in newtons.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -59,9 +60,10 @@ struct Page {
 }
 
 impl Ledger {
-    pub(super) fn new() -> Self {
+    pub(super) fn new(world: &World) -> Self {
         let (step_work, tick_work) = (Tail::new(1e-9), Tail::new(1e-9));
-        Self { page: Arc::new(Mutex::new(Page { statistics: Statistics::default(), step_work, tick_work })) }
+        let statistics = Statistics { port: PortSummary::new(world), ..Statistics::default() };
+        Self { page: Arc::new(Mutex::new(Page { statistics, step_work, tick_work })) }
     }
 
     /// Everything so far.
@@ -148,7 +150,7 @@ mod tests {
         let world = Scene::from_toml(CROWDED, Path::new("")).unwrap().build().unwrap();
         let mut simulation = Simulation::new(&world).unwrap();
         let report = simulation.step(&world.first_pose());
-        let mut ledger = Ledger::new();
+        let mut ledger = Ledger::new(&world);
         ledger.step(&report);
         ledger.step(&report);
         assert_eq!((report.detection.dropped, report.dropped()), (0, 21));

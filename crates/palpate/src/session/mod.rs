@@ -134,7 +134,7 @@ impl Session {
             has_port: AtomicBool::new(true),
             start: OnceLock::new(),
         });
-        let ledger = Ledger::new();
+        let ledger = Ledger::new(&world);
         let (answer, set_up) = sync_channel::<SetUp>(1);
         let (starter, started) = sync_channel::<()>(1);
         let options = RunOptions { length: Length::Seconds(f64::INFINITY), lockstep: false, ..options.clone() };

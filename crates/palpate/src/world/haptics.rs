@@ -76,24 +76,26 @@ fn grounds(grounds: BoundGrounds) -> String {
 /// Share of a step that a hand-over takes at most: what lasts longer is felt as lag before the next comes.
 const HAND_OVER: f64 = 1.0 / 3.0;
 
-/// What to say of a hand-over that the scene states and its steps are too short for.
+/// What to say of a hand-over that the scene states and that is cut to what its steps have time for.
 pub(super) fn late_hand_over(scene: &SceneDescription) -> Option<String> {
     let (stated, step) = (scene.tick.hand_over, 1.0 / scene.rates.step);
     let by_default = stated == TickDescription::default().hand_over || scene.tick.method != TickMethod::Local;
-    (!by_default && stated > step).then(|| {
+    let longest = step * HAND_OVER;
+    // A third of a step as people write it is not too long by its last digit.
+    (!by_default && stated > longest * 1.01).then(|| {
         format!(
-            "[tick] hand_over = {} ms is longer than a step of {:.1} ms: the next shape would come before the last is there, \
-             so it is cut to {:.1} ms; use at most a third of a step",
+            "[tick] hand_over = {} ms is longer than a third of a step of {:.1} ms, and a shape that lags longer is felt: it is cut \
+             to {:.1} ms; use at most that, or leave it out",
             stated * 1e3,
             step * 1e3,
-            step * HAND_OVER * 1e3,
+            longest * 1e3,
         )
     })
 }
 
 impl World {
     /// Time (s) over which a tick goes over from one step's shape to the next's: what the scene states, and at most a third of
-    /// its step.
+    /// its step. A time that is over within a tick is none.
     pub fn hand_over(&self) -> f64 {
         self.description().tick.hand_over.min(self.dt() * HAND_OVER)
     }
@@ -109,8 +111,13 @@ impl World {
         let tick = &self.description().tick;
         match tick.method {
             TickMethod::Local => {
-                let milliseconds = (self.hand_over() * 1e6).round() / 1e3;
-                format!("local ({} nodes at most, hand-over {milliseconds} ms)", tick.patch_nodes)
+                let (time, period) = (self.hand_over(), 1.0 / self.description().rates.tick);
+                let milliseconds = (time * 1e6).round() / 1e3;
+                let hand_over = match time > period {
+                    true => format!("hand-over {milliseconds} ms"),
+                    false => "each step's shape at once".into(),
+                };
+                format!("local ({} nodes at most, {hand_over})", tick.patch_nodes)
             }
             TickMethod::Frozen => "frozen rows".into(),
         }

@@ -108,5 +108,11 @@ record! {
         26 => gripper_torque_unlimited: f64, "N m";
         /// Torque before limits and fading, about the tool's origin (N m).
         27 => torque_unlimited: [f64; 3], "N m";
+        /// Energy that has gone through the gripper since the start (J); positive: the hand has put it in.
+        28 => gripper_energy: f64, "J";
+        /// Account of the same in the contact that lasts (J).
+        29 => gripper_account: f64, "J";
+        /// What the passivity controller took from the torque on the opening (N m).
+        30 => gripper_withheld: f64, "N m";
     }
 }

@@ -62,6 +62,9 @@ pub(crate) fn tick(tick: u64) -> TickRecord {
         gripper_torque: 0.01 * depth,
         gripper_torque_unlimited: 0.011 * depth,
         torque_unlimited: [0.0, -2e-3 * depth, 0.0],
+        gripper_energy: 2e-4 * time,
+        gripper_account: 1e-4 * depth,
+        gripper_withheld: 1e-3 * depth.max(0.0),
     }
 }
 

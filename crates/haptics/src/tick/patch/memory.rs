@@ -6,7 +6,8 @@
 //! q = q_free + d t/h + o s(t),   o = x − C f − q_free,   s falls from 1 to 0 within `hand_over`
 //! ```
 //! so at the first tick of a snapshot shape and forces solve the new problem as they solved the old, whatever changed in
-//! q_free *and* in C, and what the new snapshot knows better comes in over a stated time. A node that is new to the patch
+//! q_free *and* in C, and what the new snapshot knows better comes in over a stated time. A time that is over within a tick is
+//! none, s = 0: where each tick has a snapshot of its own, nothing that the snapshots know would ever come in else. A node that is new to the patch
 //! starts at its place, without force; in a patch that nothing is remembered of, with the force that the step found. The
 //! drift d ends where the next step should have come, and so does what it can do in a run whose steps are late.
 //!
@@ -81,6 +82,8 @@ pub(in crate::tick) struct PatchMemory {
     since: f64,
     /// h: the time that its drift takes \[s\].
     step: f64,
+    /// Time of the tick \[s\].
+    tick: f64,
 }
 
 impl PatchMemory {
@@ -104,6 +107,7 @@ impl PatchMemory {
             fade: 0.0,
             since: 0.0,
             step: 0.0,
+            tick: 0.0,
         }
     }
 
@@ -123,17 +127,18 @@ impl PatchMemory {
     /// Lets time pass.
     pub(in crate::tick) fn age(&mut self, dt: f64) {
         self.since += dt;
+        self.tick = dt;
     }
 
     /// Makes the memory belong to the patch of a new snapshot. At most `nodes²` comparisons and one product with C.
     ///
-    /// `tool` is that of the step, `step` is h \[s\].
-    pub(in crate::tick) fn take_over(&mut self, patch: &HapticPatch, tool: &ToolPose, step: f64) {
+    /// `tool` is that of the step, `step` is h and `tick` the time of the tick \[s\].
+    pub(in crate::tick) fn take_over(&mut self, patch: &HapticPatch, tool: &ToolPose, (step, tick): (f64, f64)) {
         let nodes = patch.len().min(self.nodes.len());
         self.take_over_bodies(patch);
         let yielding = patch.bodies.yielding().min(self.bodies.len());
         let fresh = self.count == 0;
-        (self.since, self.fade, self.step) = (0.0, 1.0, step);
+        (self.since, self.fade, self.step, self.tick) = (0.0, 1.0, step, tick);
         self.led = [*tool, self.tool.unwrap_or(*tool)];
         self.contacts.iter_mut().filter(|known| known.stuck < STUCK).for_each(|known| known.stuck += 1);
         for (k, &name) in patch.skin().nodes().iter().enumerate().take(nodes) {
@@ -192,12 +197,12 @@ impl PatchMemory {
     /// s at this time.
     pub(super) fn fade(&self, hand_over: f64) -> f64 {
         // Nothing is handed over in no time; NaN of 0/0 does not come up.
-        if self.since >= hand_over { 0.0 } else { 1.0 - self.since / hand_over }
+        if self.since >= hand_over || self.tick >= hand_over { 0.0 } else { 1.0 - self.since / hand_over }
     }
 
-    /// t/h, 0 to 1.
+    /// t/h: the snapshot is of the tool in the tick before, so the first tick of it is one tick on its way.
     pub(super) fn drifted(&self) -> f64 {
-        if self.step > 0.0 { (self.since / self.step).min(1.0) } else { 0.0 }
+        if self.step > 0.0 { (self.since.min(self.step) + self.tick) / self.step } else { 0.0 }
     }
 
     /// The shape under the forces of the tick before, at this place in the hand-over \[m\].
