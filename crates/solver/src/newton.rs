@@ -33,7 +33,7 @@ use crate::problem::{ProblemView, gather, scatter};
 use crate::proximal::{Course, ProximalPoint};
 use crate::report::SolveReport;
 use crate::residual::scale;
-use crate::rough_sweeps::{Limits, RoughSweeps};
+use crate::rough_sweeps::{End, Limits, RoughSweeps};
 use crate::solver::ConstraintSolver;
 use crate::vectors::add_columns;
 use crate::watch::Watch;
@@ -41,8 +41,9 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// Error of a step's linear system relative to the residual that is asked for after it.
-const FORCING: f64 = 0.3;
+/// Error of a step's linear system relative to the residual that is asked for after it: near the solution the residual becomes
+/// that error to a few per cent.
+const FORCING: f64 = 0.7;
 
 /// Bounds of the error of a step's linear system, relative to the residual, while the active contacts are sought: such a step
 /// cannot use more digits, and the steps after it are cheap.
@@ -58,7 +59,7 @@ const EXACT: f64 = 1e-4;
 /// Operations per second that a factorisation is taken to do, for the decision whether it fits the time that is left.
 const FACTORISATION_RATE: f64 = 2e9;
 
-/// Sweeps in double precision before the first step, where others than frictional contacts take part: with 2 or 3 more steps
+/// Sweeps in double precision before the first step, where those in single precision cannot do: with 2 or 3 more steps
 /// are needed, at the price of more than a sweep each, and 6 gain nothing.
 const FIRST_SWEEPS: u32 = 4;
 
@@ -77,8 +78,8 @@ pub struct NewtonConfig {
     pub tolerance: f64,
     /// Limit of iterations; a sweep and a Newton step count alike. Default 1000.
     pub max_iterations: u32,
-    /// Most sweeps of block Gauss-Seidel before the first step. Where all blocks are frictional contacts, those after the
-    /// first are done in single precision and end where they gain little; else there are at most 4. Default 32: a
+    /// Most sweeps of block Gauss-Seidel before the first step. Where all blocks are frictional contacts, they
+    /// are done in single precision and end where they gain little; else there are at most 4. Default 32: a
     /// tool on a flat face finds its contacts in about 30, and with 16 twice as many steps are needed after them.
     pub first_sweeps: u32,
     /// Iterations without a fall of the residual by a hundredth after which the run ends as stalled. Default 500.
@@ -107,7 +108,7 @@ pub struct NewtonWorkspace {
 /// Where the run stands between sweeps and Newton steps.
 struct Phase {
     sweeps_left: u32,
-    /// Sweeps in single precision that follow them.
+    /// Sweeps in single precision instead.
     rough: u32,
     /// Length of the next series of sweeps.
     sweeps: u32,
@@ -159,9 +160,9 @@ impl ConstraintSolver for NewtonConfig {
             vector.resize(rows, 0.0);
         }
         let first = self.first_sweeps.min(self.max_iterations);
-        let rough = if RoughSweeps::applies(view) { first.saturating_sub(1) } else { 0 };
+        let rough = if RoughSweeps::applies(view) { first } else { 0 };
         let mut phase = Phase {
-            sweeps_left: if rough > 0 { 1 } else { first.min(FIRST_SWEEPS) },
+            sweeps_left: if rough > 0 { 0 } else { first.min(FIRST_SWEEPS) },
             rough,
             sweeps: FIRST_SWEEPS,
             best: f64::INFINITY,
@@ -196,7 +197,12 @@ fn advance(
     if rough > 0 && now > ROUGH {
         let change = phase.scale * ROUGH.max(tolerance);
         let limits = Limits { sweeps: rough, change, deadline: phase.deadline };
-        let done = ws.rough.run(view, &sweeps.local, &sweeps.delta, &mut ws.system.single, lambda, limits);
+        let (done, end) = ws.rough.run(view, &sweeps.local, &sweeps.delta, &mut ws.system.single, lambda, limits);
+        match end {
+            End::Settled => {}
+            End::Limit => ws.proximal.expect_singular(),
+            End::Refused => phase.sweeps_left = rough.min(FIRST_SWEEPS),
+        }
         form_gap(view, lambda, &mut sweeps.delta);
         return Advance::Several(done);
     }

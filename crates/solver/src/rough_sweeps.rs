@@ -30,6 +30,17 @@ pub(crate) struct Limits {
     pub(crate) deadline: Option<Instant>,
 }
 
+/// Why the sweeps ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum End {
+    /// The next gains nothing.
+    Settled,
+    /// There was no time for more, or their number was reached: the compliance may be nearly singular.
+    Limit,
+    /// The changes have not fallen from the first sweep to the last: forces were left as they were.
+    Refused,
+}
+
 /// Memory of the sweeps.
 #[derive(Clone, Debug)]
 pub(crate) struct RoughSweeps {
@@ -51,7 +62,7 @@ impl RoughSweeps {
     }
 
     /// Sweeps from forces `lambda` (N) with the gap `delta` (m), and admits the contacts to `single`; returns how many
-    /// sweeps were done. Forces whose changes have not fallen from the first sweep to the last are left as they were.
+    /// sweeps were done, and why not more.
     pub(crate) fn run(
         &mut self,
         view: &ProblemView<'_>,
@@ -60,7 +71,7 @@ impl RoughSweeps {
         single: &mut SingleCompliance,
         lambda: &mut [f64],
         limits: Limits,
-    ) -> u32 {
+    ) -> (u32, End) {
         let needs_force = |block: &&Block| {
             gather(lambda, block) != Vector3::zeros()
                 || !block.law.needs_no_force(&gather(delta, block))
@@ -105,7 +116,7 @@ impl RoughSweeps {
             }
         }
         if last > first || !last.is_finite() {
-            return done;
+            return (done, End::Refused);
         }
         lambda.fill(0.0);
         for contact in &self.contacts {
@@ -113,7 +124,7 @@ impl RoughSweeps {
             let force = Vector3::new(contact.force[0], contact.force[1], contact.force[2]).map(f64::from);
             scatter(&block.law.project(&force), block, lambda);
         }
-        done
+        (done, if last > limits.change * limits.change { End::Limit } else { End::Settled })
     }
 
     /// Leaves out the contacts that are open without force, if they are many: columns that end sooner are summed sooner,
@@ -202,22 +213,23 @@ mod tests {
             .expect("the sizes agree")
     }
 
-    fn sweep(problem: &ConstraintProblem, lambda: &mut [f64]) -> u32 {
+    fn sweep(problem: &ConstraintProblem, lambda: &mut [f64], limits: Limits) -> (u32, End) {
         let view = problem.view();
         let mut ws = GaussSeidelWorkspace::with_capacity(view.rows());
         prepare(&view, lambda, &mut ws).expect("the sizes agree");
         let mut single = SingleCompliance::with_capacity(view.rows());
         single.begin(view.rows());
-        let limits = Limits { sweeps: 60, change: 0.0, deadline: None };
         RoughSweeps::with_capacity(view.rows()).run(&view, &ws.local, &ws.delta, &mut single, lambda, limits)
     }
+
+    const MANY: Limits = Limits { sweeps: 60, change: 0.0, deadline: None };
 
     #[test]
     fn sweeps_go_to_the_solution_of_exact_ones() {
         let problem = problem(1e-4);
         let rows = problem.rows();
         let (mut rough, mut exact) = (vec![0.0; rows], vec![0.0; rows]);
-        sweep(&problem, &mut rough);
+        assert_ne!(sweep(&problem, &mut rough, MANY).1, End::Refused);
         let config = GaussSeidelConfig { tolerance: 1e-12, ..GaussSeidelConfig::default() };
         solve(&problem.view(), &mut exact, &config, &mut GaussSeidelWorkspace::with_capacity(rows));
         let slides = |a: usize| {
@@ -238,7 +250,17 @@ mod tests {
     fn forces_stay_where_single_precision_has_no_number_for_the_compliance() {
         let problem = problem(1e-60);
         let mut lambda = vec![0.0; problem.rows()];
-        sweep(&problem, &mut lambda);
+        assert_eq!(sweep(&problem, &mut lambda, MANY).1, End::Refused);
         assert!(lambda.iter().all(|force| *force == 0.0));
+    }
+
+    #[test]
+    fn sweeps_tell_whether_they_have_settled() {
+        let problem = problem(1e-4);
+        let end =
+            |sweeps| sweep(&problem, &mut vec![0.0; problem.rows()], Limits { sweeps, change: 1e-6, deadline: None });
+        let (done, settled) = end(60);
+        assert!(settled == End::Settled && done < 60, "{done} sweeps");
+        assert_eq!(end(done - 1), (done - 1, End::Limit));
     }
 }
