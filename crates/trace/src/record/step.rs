@@ -13,7 +13,7 @@ flags! {
         2 => FREE_MOTION_UNCONVERGED;
         /// The contact solver spent its sweeps before reaching its tolerance.
         3 => CONTACT_UNCONVERGED;
-        /// Exact compliance was asked for, and this step's matrix could not be factored.
+        /// This step's matrix was to be factored and could not be.
         4 => FACTOR_REFUSED;
         /// A body turned non-finite and was rolled back to its last good state.
         5 => ROLLED_BACK;
@@ -30,6 +30,10 @@ flags! {
         10 => TANGLED;
         /// The body was led out of a tangle: it answered as linear elasticity in place of its law.
         11 => LED;
+        /// The exact correction ended before reaching its tolerance.
+        12 => CORRECTION_UNCONVERGED;
+        /// A linear solve ended without convergence, and the step factored its own matrix to go on.
+        13 => RESCUED;
     }
 }
 
