@@ -71,6 +71,7 @@ fn a_fine_block_pressed_fast_by_an_old_factor_comes_to_rest() {
 fn half_the_height(change: impl FnOnce(&mut SceneDescription)) -> (RunOutcome, Recorder) {
     let world = block::world(|scene| {
         scene.device.kind = "scripted".into();
+        scene.rates.factor_delay = Some(0.1);
         let key = |time, z| ScriptKey { time, position: [0.033, 0.037, z], ..ScriptKey::default() };
         scene.hand.path = vec![key(0.0, 0.053), key(0.67, 0.030), key(1.2, 0.030)];
         change(scene);
@@ -103,7 +104,7 @@ fn a_block_pressed_to_half_its_height_carries_the_force_that_it_should() {
 fn a_factor_that_ages_too_fast_is_refreshed_before_its_turn() {
     let (outcome, recorder) = half_the_height(|scene| {
         scene.bodies[0].compliance = ComplianceMethod::Asynchronous;
-        (scene.rates.factor, scene.rates.factor_delay) = (0.5, 0.1);
+        (scene.rates.factor, scene.rates.factor_delay) = (0.5, Some(0.1));
     });
     let summary = &outcome.summary;
     let oldest = recorder.steps.iter().map(|r| r.factor_age).fold(0.0, f64::max);

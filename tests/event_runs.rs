@@ -10,11 +10,12 @@ use block::{pose, record, world};
 use nalgebra::Vector3;
 use palpate::constraints::compliance::ComplianceMethod;
 use palpate::fem::material::PronyTerm;
+use palpate::fem::pcg::PcgStatus;
 use palpate::replay::replay;
 use palpate::run::{Length, RunOptions};
-use palpate::scene::{EventDescription, NodeSelection, SceneDescription};
+use palpate::scene::{BodyDescription, EventDescription, NodeSelection, SceneDescription};
 use palpate::simulation::Simulation;
-use palpate::step::{FactorFit, StepStatus};
+use palpate::step::{FactorFit, StepReport, StepStatus};
 use palpate::trace::{StepFlags, Trace};
 
 #[global_allocator]
@@ -121,10 +122,75 @@ fn a_run_across_events_allocates_nothing() {
     }
 }
 
-/// At this rate the plan grants updates of a few nodes only. By thread, the tool feels nothing until a factor of the new body
-/// is there; where there is no thread the step makes one at once.
+/// At these rates the plan grants updates of a few nodes only, and these events touch more.
+fn great_events() -> [(&'static str, EventDescription); 2] {
+    let none = EventDescription { time: 30.5 / RATE, release: None, hold: None, remove: None };
+    let clamp = NodeSelection::NodeSet("z_min".into());
+    let ball = NodeSelection::Ball { center: [0.06, 0.037, 0.02], radius: 0.02 };
+    [
+        ("the clamp opens", EventDescription { release: Some(clamp), ..none.clone() }),
+        ("a ball of 20 mm goes", EventDescription { remove: Some(ball), ..none }),
+    ]
+}
+
+/// Rate of the steps (Hz).
+const RATE: f64 = 300.0;
+
+/// Forces and reports of a press by 3 mm in a tenth of a second, held while the event happens.
+fn press(event: &EventDescription, body: impl FnOnce(&mut BodyDescription)) -> Vec<StepReport> {
+    let world = world(|scene| {
+        body(&mut scene.bodies[0]);
+        (scene.bodies[0].tolerance, scene.solver.tolerance) = (1e-9, 1e-9);
+        (scene.rates.step, scene.events) = (RATE, vec![event.clone()]);
+    });
+    let mut sim = Simulation::new(&world).unwrap().refresh_every(10);
+    let at = |k: u64| 1e-4 * k.min(30) as f64 - block::RADIUS - block::SKIN;
+    (0..60).map(|k| sim.step(&nalgebra::Isometry3::translation(0.033, 0.037, -at(k)))).collect()
+}
+
+/// A clamp that opens and a large cut, with and without a ladder: no step goes without contact or without convergence, and
+/// the force is that of exact steps. The steps until the next factor have a factor of their own; the others have
+/// forces that are refined to the square of the error of an old factor, which is some percent here.
 #[test]
-fn where_no_factor_can_follow_the_force_is_safe_and_comes_back() {
+fn the_force_after_a_great_event_is_that_of_exact_steps() {
+    for (name, event) in great_events() {
+        let exact = press(&event, |body| body.compliance = ComplianceMethod::Exact);
+        let largest = exact.iter().map(|r| r.force.norm()).fold(0.0, f64::max);
+        for (method, accuracy) in [
+            (ComplianceMethod::Asynchronous, None),
+            (ComplianceMethod::Asynchronous, Some(0.05)),
+            (ComplianceMethod::Automatic, Some(0.05)),
+        ] {
+            let late = press(&event, |body| (body.compliance, body.accuracy) = (method, accuracy));
+            let renewed = late.iter().filter(|r| r.change.factor == FactorFit::Renewed).count();
+            let mut worst = 0.0_f64;
+            for (a, b) in late.iter().zip(&exact) {
+                assert!(
+                    a.compliance.usable && a.active > 0 || b.active == 0,
+                    "{name}, step {}: {:?}",
+                    a.step,
+                    a.change
+                );
+                assert_eq!(a.free_motion.status, PcgStatus::Converged);
+                assert!(a.free_motion.iterations + a.error.correction_iterations as usize <= 60, "step {}", a.step);
+                worst = worst.max((a.force - b.force).norm());
+            }
+            println!(
+                "{name}, {method:?} {accuracy:?}: {renewed} steps renewed, force off by {worst:.1e} of {largest:.2} N"
+            );
+            assert!((1..=10).contains(&renewed), "{renewed}");
+            assert!(worst < FOLLOWS * largest, "{name}, {method:?}: {worst} of {largest} N");
+        }
+    }
+}
+
+/// Share of the largest force: 0.41 % was measured.
+const FOLLOWS: f64 = 1e-2;
+
+/// By thread, each step factors its own matrix until a factor of the new body is there; where there is no thread the first
+/// step makes one that stays.
+#[test]
+fn where_no_factor_can_follow_the_step_makes_its_own_and_the_force_stays() {
     for method in [ComplianceMethod::Asynchronous, ComplianceMethod::Warped] {
         let world = world(|scene| {
             scene.bodies[0].compliance = method;
@@ -140,17 +206,16 @@ fn where_no_factor_can_follow_the_force_is_safe_and_comes_back() {
         for k in 0..30 {
             let report = sim.step(&tool);
             assert_eq!(report.status, StepStatus::Advanced, "{method:?}, step {k}");
-            assert!(report.force.iter().all(|f| f.is_finite()));
             let expected = match (method, k) {
                 (_, ..=10) => FactorFit::Own,
-                (ComplianceMethod::Warped, 11) => FactorFit::Renewed,
-                (ComplianceMethod::Asynchronous, 11..20) => FactorFit::Outdated,
+                (ComplianceMethod::Warped, 11) | (ComplianceMethod::Asynchronous, 11..20) => FactorFit::Renewed,
                 _ => FactorFit::Own,
             };
             assert_eq!(report.change.factor, expected, "{method:?}, step {k}, room for {room} nodes");
-            let felt = expected != FactorFit::Outdated;
-            assert_eq!((report.compliance.usable, sim.snapshot().valid), (felt, felt), "step {k}");
-            assert!(felt || report.force.norm() == 0.0 && report.free_motion.iterations < 60, "{report:?}");
+            assert!(report.compliance.usable && sim.snapshot().valid, "step {k}");
+            let force = report.force.norm();
+            assert!(force.is_finite() && (force > 0.0 || report.active == 0), "step {k}: {force} N");
+            assert!(report.free_motion.iterations <= 20, "{report:?}");
         }
     }
 }

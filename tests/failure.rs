@@ -40,6 +40,7 @@ fn crush(scene: &mut SceneDescription) {
 fn by_an_old_factor(scene: &mut SceneDescription) {
     let body = &mut scene.bodies[0];
     (body.compliance, body.correction) = (ComplianceMethod::Asynchronous, MotionCorrection::Matching);
+    scene.rates.factor_delay = Some(0.1);
 }
 
 fn all_finite(vectors: &[Vector3<f64>]) -> bool {

@@ -167,3 +167,24 @@ fn a_run_on_a_ladder_repeats_to_the_bit_on_any_number_of_threads_and_replays() {
     assert_eq!(Rung::ALL[highest as usize].name(), highest_in_summary);
     assert!(trace.steps.iter().any(|s| s.lower_error > 0.0));
 }
+
+/// In virtual time with nothing but defaults the factor thread is free for most of a period, as it is in real time: on the rung of
+/// early refreshes the factor is made anew before its turn.
+#[test]
+fn a_run_in_lockstep_at_defaults_refreshes_early() {
+    let mut early = 0;
+    for accuracy in [0.02, 0.03, 0.05, 0.08] {
+        let world = block(ComplianceMethod::Asynchronous, |scene| scene.bodies[0].accuracy = Some(accuracy));
+        // A tick is more than a block of this size takes.
+        let rates = world.description().rates;
+        assert_eq!(world.factor_delay(), 1.0 / rates.tick, "{} s predicted", world.plan().factorization);
+        let length = Length::Seconds(1.2);
+        let options = RunOptions { length, lockstep: true, threads: Some(1), ..RunOptions::default() };
+        let summary = record(&world, &options).0.summary;
+        println!("{accuracy}: {} factors, {} early, {:?}", summary.factors, summary.factors_early, summary.rungs);
+        // A factor comes into use a step after its matrix, and gives way a step after the next one's.
+        assert!(summary.factor_age.max <= 1.0 / rates.factor + 2.0 * world.dt(), "{}", summary.factor_age.max);
+        early += summary.factors_early;
+    }
+    assert!(early > 0);
+}

@@ -125,30 +125,39 @@ fn a_factor_of_any_age_changes_a_run_in_proportion_to_the_tolerance() {
 const POSITION_BOUND: f64 = 0.036;
 const FORCE_BOUND: f64 = 4.4;
 
+/// Each delay in a run that outlasts it, so that the late factor comes into use and serves a press.
 #[test]
 fn a_delayed_factor_thread_changes_the_hand_s_force_in_proportion_to_the_tolerance() {
-    let options =
-        RunOptions { length: Length::Seconds(1.2), lockstep: true, threads: Some(1), ..RunOptions::default() };
-    let forces = |tolerance, delay| {
+    let forces = |tolerance, delay: f64, from: f64| {
         let world = block::world(|scene| {
             exact(tolerance)(scene);
-            scene.rates.factor_delay = delay;
+            scene.rates.factor_delay = Some(delay);
+            scene.seconds = 1.2 + from;
+            // The same press twice where the run is long: by the first factor, and by the late one.
+            let mut again = scene.hand.path.clone();
+            again.iter_mut().for_each(|key| key.time += from);
+            scene.hand.path.extend(again.into_iter().filter(|_| from > 0.0));
         });
+        let length = Length::Seconds(1.2 + from);
+        let options = RunOptions { length, lockstep: true, threads: Some(1), ..RunOptions::default() };
         let (outcome, recorder) = record(&world, &options);
-        (recorder.forces(), outcome.summary)
+        let epochs = recorder.steps.iter().map(|step| step.factor_epoch).max().unwrap_or(0);
+        let late = recorder.steps.iter().filter(|step| step.factor_epoch > 0 && step.active > 0).count();
+        (recorder.forces(), outcome.summary, epochs, late)
     };
     for tolerance in [1e-4, 1e-8] {
-        let (reference, summary) = forces(tolerance, 0.0);
-        assert!(summary.largest_force > 0.3, "{}", summary.largest_force);
-        for delay in [0.1, 1.0, 10.0] {
-            let (late, summary) = forces(tolerance, delay);
+        for (delay, from) in [(0.1, 0.0), (1.0, 1.3), (10.0, 10.3)] {
+            let (reference, summary, ..) = forces(tolerance, 0.0, from);
+            assert!(summary.largest_force > 0.3, "{}", summary.largest_force);
+            let (late, summary, epochs, served) = forces(tolerance, delay, from);
             assert_eq!(reference.len(), late.len());
             let difference = reference.iter().zip(&late).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
             let age = summary.factor_age.max;
             println!(
-                "tolerance {tolerance:.0e}, delay {delay} s: age up to {age:.2} s, forces within {difference:.1e} N"
+                "tolerance {tolerance:.0e}, delay {delay} s: {epochs} factors, {served} steps in contact with a late one, age up to \
+                 {age:.2} s, forces within {difference:.1e} N"
             );
-            assert!(age >= delay.min(1.1), "the factor must be late, not {age} s old");
+            assert!(age >= delay && epochs > 0 && served > 5, "the factor must come, and late: {age} s, {served}");
             assert!(difference <= FORCE_BOUND * tolerance, "{difference:e} N at tolerance {tolerance:e}");
         }
     }

@@ -19,7 +19,10 @@ pub(crate) fn summary(s: &RunSummary) -> String {
     lines.extend(s.rigid_bodies.iter().map(|body| format!("rigid body {body}")));
     lines.extend(s.events.iter().map(|event| format!("event at {event}")));
     if s.outdated_steps > 0 {
-        lines.push(format!("steps with a factor that could not follow an event: {}", s.outdated_steps));
+        lines.push(format!(
+            "steps with a factor that could not follow an event: {}, of which {} factored their own matrix",
+            s.outdated_steps, s.renewed_steps
+        ));
     }
     if let Some(trace) = &s.trace {
         let trouble = trace.error.as_deref().map(|e| format!("; {e}")).unwrap_or_default();
@@ -126,6 +129,17 @@ fn facts(s: &RunSummary) -> Table {
         "steps shortened / repeated / with elements held open / tangled / led out of it".to_string(),
         format!("{} / {} / {} / {} / {}", s.shortened, s.repeated, s.held_open, s.tangled, s.led),
     ]);
+    let u = &s.unconverged;
+    table.add_row([
+        "steps without convergence: free motion / correction (worst residual); factored to go on".to_string(),
+        format!(
+            "{} ({:.1e}) / {} ({:.1e}); {}",
+            u.free_motions, u.free_motion_residual, u.corrections, u.correction_residual, u.rescued
+        ),
+    ]);
+    if u.without_contact > 0 {
+        table.add_row(["steps whose contacts were left out".to_string(), u.without_contact.to_string()]);
+    }
     table.add_row([
         "steps with unsettled contact forces / without the factor's copy in 16 bits".to_string(),
         format!("{} / {}", s.unsettled, s.in_full),

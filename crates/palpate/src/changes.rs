@@ -30,8 +30,10 @@ impl fmt::Display for EventRecord {
         match self.factor {
             FactorFit::Own => write!(f, "factored in the step"),
             FactorFit::Updated => write!(f, "factor updated in {} nodes", self.touched),
-            FactorFit::Renewed => write!(f, "factored anew"),
-            FactorFit::Outdated => write!(f, "the factor could not follow, no contact until the next"),
+            FactorFit::Renewed => write!(f, "the factor could not follow, factored anew in the step"),
+            FactorFit::Outdated => {
+                write!(f, "the factor could not follow and the step's own matrix could not be factored: no contact")
+            }
         }?;
         write!(f, ", {} iterations", self.iterations)
     }

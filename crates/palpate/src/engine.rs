@@ -7,6 +7,7 @@ use palpate_haptics::snapshot::HapticSnapshot;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::changes::{ChangeQueue, taken};
+use crate::factor_thread::FactorThreadDeath;
 use crate::gathering::Gathering;
 use crate::problem_files::ProblemFiles;
 use crate::record::{FactorLine, NoTrace, StepLine, TickLine, TraceLines};
@@ -119,6 +120,8 @@ impl<'w, T> Engine<'w, T> {
     pub(crate) fn finish(self, mut gathering: Gathering, wall: Option<f64>) -> RunOutcome {
         gathering.notes.splice(0..0, self.notes);
         gathering.notes.extend(gathering.device_note());
+        gathering.notes.extend(gathering.factor_thread_death.as_ref().map(FactorThreadDeath::note));
+        gathering.notes.extend(gathering.unconverged.notes(self.world));
         gathering.notes.extend(self.stage.ws.problem_files.as_ref().map(ProblemFiles::note));
         let state = &self.stage.state;
         gathering.name_changes(taken(self.world, state), state.outside(self.world).map(|(_, change)| change.text()));

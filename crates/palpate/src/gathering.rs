@@ -8,10 +8,11 @@ use palpate_constraints::compliance::ComplianceMethod;
 use palpate_haptics::device::DeviceError;
 
 use crate::changes::TakenChange;
+use crate::factor_thread::FactorThreadDeath;
 use crate::refresh::RefreshReport;
 use crate::run::{Observer, Progress};
 use crate::step::{FactorFit, FailedElement, StepReport, StepStatus, Tangle};
-use crate::summary::{EventRecord, PortSummary, RunEnd, Tail};
+use crate::summary::{EventRecord, PortSummary, RunEnd, Tail, Unconverged};
 use crate::tick::{TickFlags, TickReport};
 use crate::world::{Rung, World};
 
@@ -63,7 +64,9 @@ pub(crate) struct Gathering {
     largest_force: f64,
     largest_jump: f64,
     changes: Vec<EventRecord>,
-    outdated: u64,
+    outdated: [u64; 2], // all; of those with a factor of the step's own
+    pub(crate) unconverged: Unconverged,
+    pub(crate) factor_thread_death: Option<FactorThreadDeath>,
     events: Vec<String>,
     force_jump: Tail,
     beyond_patch: u64,
@@ -127,7 +130,9 @@ impl Gathering {
             largest_force: 0.0,
             largest_jump: 0.0,
             changes: Vec::new(),
-            outdated: 0,
+            outdated: [0; 2],
+            unconverged: Unconverged::default(),
+            factor_thread_death: None,
             events: world.changes().iter().map(|change| change.text().to_string()).collect(),
             force_jump: Tail::new(1e-9),
             beyond_patch: 0,
@@ -188,7 +193,10 @@ impl Gathering {
             let records: Vec<_> = texts.map(event).collect();
             self.changes.extend(records);
         }
-        self.outdated += u64::from(report.change.factor == FactorFit::Outdated);
+        let renewed = report.change.factor == FactorFit::Renewed;
+        self.outdated[0] += u64::from(renewed || report.change.factor == FactorFit::Outdated);
+        self.outdated[1] += u64::from(renewed);
+        self.unconverged.add(report);
         self.patches_full += u64::from(report.patch.left_out > 0);
         self.frozen_at_rigid += u64::from(report.frozen_at_rigid);
         self.impulse[0] += report.force.norm() * self.lengths[0];

@@ -20,6 +20,7 @@ pub mod devices;
 mod drawn;
 mod engine;
 pub mod export;
+mod factor_thread;
 mod gathering;
 mod lockstep;
 mod pace;
@@ -38,6 +39,7 @@ pub mod simulation;
 pub mod step;
 pub mod summary;
 pub mod tick;
+mod unconverged;
 mod watch;
 pub mod world;
 

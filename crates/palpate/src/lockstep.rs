@@ -2,8 +2,8 @@
 //! machine and the number of worker threads.
 //!
 //! Step `k` begins at the first tick at or after `k / step_rate`. The factor stage asks for a matrix every
-//! `1 / factor_rate` seconds and hands the factor over `factor_delay` seconds later, at the begin of a step. A step that
-//! urges it has its matrix taken at once, if no other is on its way.
+//! `1 / factor_rate` seconds and hands the factor over `factor_delay` seconds later, at the begin of a step: by default the time
+//! that the plan predicts for a factorisation. A step that urges it has its matrix taken at once, if no other is on its way.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -65,7 +65,7 @@ fn beat(
             let report = engine.stage.advance(time);
             clock.step += 1;
             if engine.stage.has_urged() {
-                clock.due = Some(time + rates.factor_delay);
+                clock.due = Some(time + engine.world.factor_delay());
             }
             gathering.step(&report, observer);
             engine.stage.trace(&report, false);
@@ -139,7 +139,7 @@ fn refresh(engine: &mut Engine<'_>, clock: &mut Clock, time: f64, gathering: &mu
     if clock.due.is_none() && is_due(time, rates.factor, clock.asked) {
         stage.want();
         clock.asked = (time * rates.factor + ROUNDING) as u64 + 1;
-        clock.due = Some(time + rates.factor_delay);
+        clock.due = Some(time + engine.world.factor_delay());
     }
 }
 

@@ -12,6 +12,7 @@ pub(crate) fn seconds(nanoseconds: u64) -> f64 {
 }
 
 /// Wakes a thread once per period.
+#[derive(Clone)]
 pub(crate) struct Pacer {
     start: Instant,
     period: f64,

@@ -1,7 +1,8 @@
 //! Real time: step, factor and tick each on its own thread against the clock; the caller's thread watches.
 
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use palpate_haptics::exchange::{Receiver, Sender, every};
 use thread_priority::{RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy};
@@ -9,10 +10,10 @@ use thread_priority::{RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriori
 use rayon::ThreadPool;
 
 use crate::engine::{Engine, StepStage};
+use crate::factor_thread::refresh_until;
 use crate::gathering::Gathering;
 use crate::pace::Pacer;
-use crate::record::FactorLine;
-use crate::refresh::{Refresh, RefreshReport};
+use crate::refresh::RefreshReport;
 use crate::run::{Observer, RunError, RunOptions, RunOutcome};
 use crate::step::{StepReport, StepStatus};
 use crate::summary::RunEnd;
@@ -89,10 +90,11 @@ pub(crate) fn attend(
     let mut watch = Watch::new(Gathering::new(world), steps, ticks.told, refreshes);
     let end_all = AtomicBool::new(false);
     let granted = AtomicBool::new(true);
+    let death = OnceLock::new();
     let outcome = std::thread::scope(|scope| -> std::io::Result<(RunEnd, f64)> {
         let spawn = |name: &str| std::thread::Builder::new().name(name.into());
         let (stage, refresh, refresh_trace) = (&mut stage, &mut refresh, &mut refresh_trace);
-        let (end_all, granted, pool) = (&end_all, &granted, pool);
+        let (end_all, granted, death, pool) = (&end_all, &granted, &death, pool);
         // The scope waits for its threads even where an observer panics, so they must be told.
         let _told = EndOnDrop(end_all);
         let elsewhere = matches!(ticks.thread, TickThread::Elsewhere);
@@ -110,8 +112,8 @@ pub(crate) fn attend(
             .and_then(|()| match refresh {
                 Some(refresh) => spawn("palpate-factor")
                     .spawn_scoped(scope, move || {
-                        let _ends = EndOnPanic(end_all);
-                        refresh_loop(refresh, refresh_trace, Pacer::new(start, rates.factor), refresh_sender, end_all);
+                        let pacer = Pacer::new(start, rates.factor);
+                        refresh_until(end_all, refresh, refresh_trace, pacer, refresh_sender, death);
                     })
                     .map(drop),
                 None => Ok(()),
@@ -134,6 +136,7 @@ pub(crate) fn attend(
     let (end, wall) = outcome.map_err(|e| RunError::Threads(e.to_string()))?;
     gathering.end = end;
     gathering.missed = watch.steps.dropped() + watch.ticks.dropped() + watch.refreshes.dropped();
+    gathering.factor_thread_death = death.into_inner();
     if !granted.load(Ordering::Relaxed) {
         gathering.notes.push(PRIORITY_REMEDY.into());
     }
@@ -228,29 +231,5 @@ fn step_loop(
         if report.status == StepStatus::RolledBack {
             break;
         }
-    }
-}
-
-fn refresh_loop(
-    refresh: &mut Refresh,
-    trace: &mut FactorLine,
-    mut pacer: Pacer,
-    mut reports: Sender<RefreshReport>,
-    end: &AtomicBool,
-) {
-    refresh.wake_here();
-    while pacer.wait_or_called(end, || refresh.is_urged()).is_some() {
-        refresh.want();
-        let report = loop {
-            if end.load(Ordering::Acquire) {
-                return;
-            }
-            match refresh.refresh(|| pacer.time()) {
-                Some(report) => break report,
-                None => std::thread::sleep(Duration::from_millis(1)),
-            }
-        };
-        trace.push(&report, true);
-        reports.send(report);
     }
 }

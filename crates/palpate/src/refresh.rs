@@ -171,6 +171,9 @@ pub struct Refresh {
     factors: Writer<FactorSample>,
     signals: Arc<Signals>,
     epoch: u64,
+    /// Epoch after which the next refresh panics.
+    #[cfg(test)]
+    last: Option<u64>,
 }
 
 /// Both sides, with the first factor and the matrix that it is of already in place.
@@ -190,7 +193,14 @@ pub fn refresh(first: &FactorSample, system: &SystemMatrix) -> (RefreshPort, Ref
     let link = Link::Stage { matrices: matrix_writer, factors: factor_reader, signals: Arc::clone(&signals) };
     (
         RefreshPort { link, remembers: !first.memory.is_empty() },
-        Refresh { matrices: matrix_reader, factors: factor_writer, signals, epoch: first.epoch },
+        Refresh {
+            matrices: matrix_reader,
+            factors: factor_writer,
+            signals,
+            epoch: first.epoch,
+            #[cfg(test)]
+            last: None,
+        },
     )
 }
 
@@ -260,6 +270,12 @@ impl Refresh {
         let _ = self.signals.thread.set(std::thread::current());
     }
 
+    /// Lets the thread die in the refresh after that of this epoch.
+    #[cfg(test)]
+    pub(crate) fn die_after(&mut self, epoch: u64) {
+        self.last = Some(epoch);
+    }
+
     /// Whether the step has urged since the last refresh.
     pub(crate) fn is_urged(&self) -> bool {
         self.signals.urged.load(Ordering::Acquire)
@@ -277,6 +293,8 @@ impl Refresh {
         let epoch = self.epoch + 1;
         let slot = self.factors.value_mut();
         let status = slot.factor.refactor(&sample.system).status;
+        #[cfg(test)]
+        assert!(self.last != Some(self.epoch), "the factor thread was to die");
         if status == FactorStatus::Ok {
             (slot.epoch, slot.step, slot.time) = (epoch, sample.step, sample.time);
             slot.q.copy_from_slice(&sample.q);

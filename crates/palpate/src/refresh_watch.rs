@@ -40,7 +40,7 @@ impl RefreshWatch {
     }
 
     /// Whether the factor that this step used is too old: its iterations have doubled since it came into use, the
-    /// compliance from it is wrong, or it is of the body before an event. A function of the reports alone, so that runs in lockstep repeat it.
+    /// compliance from it is wrong, it preconditions no more, or it is of the body before an event. A function of the reports alone, so that runs in lockstep repeat it.
     pub fn is_too_old(&mut self, report: &StepReport) -> bool {
         let iterations = report.free_motion.iterations.max(report.error.correction_iterations as usize);
         if self.epoch != Some(report.factor_epoch) {
@@ -48,7 +48,7 @@ impl RefreshWatch {
         }
         let jumped = iterations > FEW_ITERATIONS && iterations > JUMP * self.iterations;
         let wrong = report.error.measured().is_some_and(|error| error > self.largest_error(report.rung));
-        let of_another_body = matches!(report.change.factor, FactorFit::Updated | FactorFit::Outdated);
-        report.factor_age > 0.0 && (jumped || wrong) || of_another_body
+        let of_another_body = report.change.factor != FactorFit::Own;
+        report.factor_age > 0.0 && (jumped || wrong) || report.rescued || of_another_body
     }
 }

@@ -12,6 +12,7 @@ pub use crate::changes::EventRecord;
 pub use crate::port_summary::{ForceCounts, GripperSummary, PortSummary};
 pub use crate::record::TraceOutcome;
 use crate::step::placements;
+pub use crate::unconverged::Unconverged;
 use crate::world::World;
 
 /// Median and tails of one measured quantity.
@@ -192,6 +193,9 @@ pub struct RunSummary {
     pub tick_overruns: u64,
     /// Refactorisations refused because the matrix was not positive definite.
     pub factors_refused: u64,
+    /// When the factor thread died, where it did (s): the run went on without it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub factor_thread_died: Option<f64>,
     /// Conjugate-gradient iterations per step.
     pub iterations: Percentiles,
     /// Age of the factor that a step used (s).
@@ -257,6 +261,10 @@ pub struct RunSummary {
     pub events: Vec<EventRecord>,
     /// Steps whose factor was of a body before an event and could not follow it.
     pub outdated_steps: u64,
+    /// Those of them that factored their own matrix instead.
+    pub renewed_steps: u64,
+    /// Linear solves that ended without convergence, and contact that was left out.
+    pub unconverged: Unconverged,
     /// Jumps of the force at new snapshots that came while the tool was in contact (N).
     pub force_jump: Percentiles,
     /// What contact problem the tick solved.

@@ -28,10 +28,13 @@ impl StepLine {
         flags.set(trace::StepFlags::UNSETTLED, report.unsettled);
         flags.set(trace::StepFlags::ROLLED_BACK, report.status == StepStatus::RolledBack);
         flags.set(trace::StepFlags::CHANGED, report.change.changed);
-        flags.set(trace::StepFlags::FACTOR_OUTDATED, report.change.factor == FactorFit::Outdated);
+        let outdated = matches!(report.change.factor, FactorFit::Outdated | FactorFit::Renewed);
+        flags.set(trace::StepFlags::FACTOR_OUTDATED, outdated);
         flags.set(trace::StepFlags::TANGLED, report.tangle.is_some());
         flags.set(trace::StepFlags::LED, report.led);
         flags.set(trace::StepFlags::SOLVED_IN_FULL, report.in_full > 0);
+        flags.set(trace::StepFlags::CORRECTION_UNCONVERGED, report.error.correction_unconverged);
+        flags.set(trace::StepFlags::RESCUED, report.rescued);
         line.push(trace::StepRecord {
             step: report.step,
             time_ns,

@@ -16,6 +16,7 @@ use palpate_constraints::compliance::{self, ComplianceMethod, MotionCorrection};
 use palpate_constraints::law::Law;
 use palpate_fem::pcg::{PcgConfig, PcgReport, PcgStatus, pcg};
 
+use super::free_motion::{bounds, factor_in_need};
 use super::preconditioner::StepPreconditioner;
 use super::refinement::{asks_for_refinement, hand_down, refine};
 use super::stages::inverse;
@@ -90,8 +91,12 @@ fn look(
     ws: &mut StepWorkspace,
     report: &mut StepReport,
 ) -> PcgReport {
-    let solve = exact_motion(world, factor, tolerance, ws);
-    report.error.correction_iterations += solve.iterations as u32;
+    let mut solve = exact_motion(world, factor, tolerance, ws);
+    report.error.corrected(&solve);
+    if factor_in_need(&solve, ws, report) {
+        solve = exact_motion(world, factor, tolerance, ws);
+        report.error.corrected(&solve);
+    }
     let misfit = misfit(ws);
     if misfit.opened > 0.0 {
         report.error.along_forces = misfit.along_forces();
@@ -106,9 +111,12 @@ pub(super) fn exact_motion(world: &World, factor: &FactorSample, tolerance: f64,
     ws.load.fill(0.0);
     ws.rows.tissue.add_transposed(&ws.lambda, &mut ws.load);
     ws.load.iter_mut().for_each(|b| *b *= ws.dt);
-    let config = PcgConfig { relative_tolerance: body.tolerance.max(tolerance), max_iterations: body.max_iterations };
-    let mut preconditioner = StepPreconditioner::new(None, factor, &ws.rotations, &mut ws.solve);
-    pcg(&ws.fem.system, &ws.load, &mut ws.correction, &mut preconditioner, config, &mut ws.pcg)
+    let config = bounds(body.tolerance.max(tolerance), ws);
+    let own = ws.own.as_ref().filter(|_| ws.own_is_current);
+    let mut preconditioner = StepPreconditioner::new(own, factor, &ws.rotations, &mut ws.solve);
+    let solve = pcg(&ws.fem.system, &ws.load, &mut ws.correction, &mut preconditioner, config, &mut ws.pcg);
+    ws.iterations_left = ws.iterations_left.saturating_sub(solve.iterations);
+    solve
 }
 
 /// What the motion in `ws.correction` opens row `r` by (m), and what `W λ` says.

@@ -8,7 +8,8 @@
 //! A_now(q_f) = A_then(q_f) + S N Sᵀ       q_f: where the factor was taken
 //! ```
 //! That is done once for each factor and body ([`Factor::change`](palpate_fem::factor::Factor::change)). A change that touches more nodes than there is room for leaves the factor as preconditioner
-//! alone, until the next is made; where the plan makes no other, the step makes one at once.
+//! alone. Until the next is made every step then factors its own matrix before anything else; where the plan makes no other, the
+//! first of them makes one that stays.
 
 use palpate_fem::assembly::assemble;
 use palpate_fem::factor::{ChangeStatus, FactorStatus, MatrixChange, UpdateStatus};
@@ -34,9 +35,10 @@ pub enum FactorFit {
     Own,
     /// It is one of a body before an event, changed to be what a factorisation of this body would be.
     Updated,
-    /// The step has made it anew, since nothing else does.
+    /// It could not follow an event: the step has made one anew.
     Renewed,
-    /// It is one of a body before an event: a preconditioner, but no compliance.
+    /// It is one of a body before an event, and the step's own matrix could not be factored: a preconditioner, but no
+    /// compliance.
     Outdated,
 }
 

@@ -1,5 +1,7 @@
 //! How wrong the compliance of a step was found to be.
 
+use palpate_fem::pcg::{PcgReport, PcgStatus};
+
 /// How wrong compliance and motion of a step are. NaN where nothing was measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ComplianceError {
@@ -12,6 +14,10 @@ pub struct ComplianceError {
     pub sampled_row: u32,
     /// Iterations of the exact correction.
     pub correction_iterations: u32,
+    /// Relative residual that the last solve of the exact correction left; 0 where there was none.
+    pub correction_residual: f64,
+    /// Whether that solve ended without convergence: the motion is not that of the forces to the scene's tolerance.
+    pub correction_unconverged: bool,
     /// Whether the forces were refined by the motion that they cause.
     pub refined: bool,
     /// The greater of the same two errors of the rung below on the run's ladder, had it been taken.
@@ -27,6 +33,8 @@ impl ComplianceError {
         sampled: f64::NAN,
         sampled_row: 0,
         correction_iterations: 0,
+        correction_residual: 0.0,
+        correction_unconverged: false,
         refined: false,
         lower: f64::NAN,
         overlap: 0.0,
@@ -36,5 +44,12 @@ impl ComplianceError {
     pub fn measured(&self) -> Option<f64> {
         let worst = self.along_forces.max(self.sampled); // ignores one NaN
         (!worst.is_nan()).then_some(worst)
+    }
+
+    /// Takes down a solve of the exact correction.
+    pub(super) fn corrected(&mut self, solve: &PcgReport) {
+        self.correction_iterations += solve.iterations as u32;
+        self.correction_residual = solve.relative_residual;
+        self.correction_unconverged = solve.status != PcgStatus::Converged;
     }
 }

@@ -62,7 +62,7 @@ pub(super) fn direct_contact(
         Some(DirectStage { method: DirectMethod::Penalty(_), .. }) => penalty(world, input, state, ws),
         Some(DirectStage { method: DirectMethod::Lagrange(_), .. }) => {
             let found = lagrange(ws);
-            balance(world, input, ws);
+            balance(world, input, ws, report);
             found
         }
     };
@@ -71,7 +71,7 @@ pub(super) fn direct_contact(
 
 /// `A w = h Hᵀ λ` to the tolerance of the free motion, from the `w` that is there: a program leaves the balance to the size
 /// of its own tolerance, which momentum would show.
-fn balance(world: &World, input: &StepInput<'_>, ws: &mut StepWorkspace) {
+fn balance(world: &World, input: &StepInput<'_>, ws: &mut StepWorkspace, report: &mut StepReport) {
     let Some(direct) = &mut ws.direct else { return };
     let body = &world.description().bodies[0];
     direct.load.fill(0.0);
@@ -80,8 +80,10 @@ fn balance(world: &World, input: &StepInput<'_>, ws: &mut StepWorkspace) {
     let own = ws.own.as_ref().filter(|_| ws.own_is_current);
     let mut preconditioner = StepPreconditioner::new(own, input.factor, &ws.rotations, &mut ws.solve);
     let relative_tolerance = body.tolerance.min(world.description().solver.tolerance);
-    let config = PcgConfig { relative_tolerance, max_iterations: body.max_iterations };
-    pcg(&ws.fem.system, &direct.load, &mut direct.motion, &mut preconditioner, config, &mut ws.pcg);
+    let max_iterations = if ws.own_is_current { body.max_iterations } else { ws.iterations_left };
+    let config = PcgConfig { relative_tolerance, max_iterations };
+    let solve = pcg(&ws.fem.system, &direct.load, &mut direct.motion, &mut preconditioner, config, &mut ws.pcg);
+    report.error.corrected(&solve);
 }
 
 /// The report with the residual of motion and forces.

@@ -57,6 +57,7 @@ use std::time::Instant;
 
 use nalgebra::Vector3;
 use palpate_collision::ToolPose;
+use palpate_constraints::compliance::ComplianceMethod;
 use palpate_fem::assembly::assemble;
 use palpate_haptics::snapshot::HapticSnapshot;
 
@@ -112,6 +113,7 @@ pub fn step(
     let mut clock = Clock::start();
     let before = state.tool;
     ws.pcg.forget();
+    ws.iterations_left = world.description().bodies[0].max_iterations;
     state.remember();
     match world.integration() {
         Integration::BackwardEuler => {
@@ -126,7 +128,9 @@ pub fn step(
             state.trouble.suspected |= guard(world, state, ws, &mut report);
             report.times.free_motion = clock.lap();
             contact(world, input, state, ws, &mut report, &mut clock);
-            if ws.own_is_current {
+            // Compliance may be older than a factor that the correction asked for.
+            let exact = matches!(report.method, ComplianceMethod::Exact | ComplianceMethod::Automatic);
+            if ws.own_is_current && exact {
                 report.factor_age = 0.0;
                 if world.plan().refactor == Refactor::Step {
                     report.change.factor = FactorFit::Own;

@@ -76,7 +76,7 @@ pub(super) fn refine(
     ws.correction.iter_mut().zip(&ws.refinement.motion).for_each(|(motion, old)| *motion += old);
     ws.rigid.correct(&ws.rows, &ws.lambda[..m], ws.dt);
     let exact = exact_motion(world, factor, 0.0, ws);
-    report.error.correction_iterations += exact.iterations as u32;
+    report.error.corrected(&exact);
     let after = misfit(ws);
 
     let better = after.missed < before.missed && exact.status == PcgStatus::Converged && solve.residual.is_finite();

@@ -104,8 +104,10 @@ pub struct StepReport {
     pub rung: Option<Rung>,
     /// How wrong `W` and the motion are.
     pub error: ComplianceError,
-    /// True where exact compliance was asked for and this step's matrix could not be factored.
+    /// True where this step's matrix was to be factored and could not be.
     pub refused: bool,
+    /// True where a linear solve ended without convergence and the step factored its own matrix to go on.
+    pub rescued: bool,
     /// True where motion and contact forces of Newton's method were repeated as often as a step allows and the forces
     /// still changed: motion and forces belong together only to the last change.
     pub unsettled: bool,
@@ -168,6 +170,7 @@ impl StepReport {
             rung: None,
             error: ComplianceError::NONE,
             refused: false,
+            rescued: false,
             unsettled: false,
             solve: NOT_SOLVED,
             attempts: 0,
@@ -192,7 +195,7 @@ impl StepReport {
     }
 
     /// Names and units of [`StepReport::row`].
-    pub const COLUMNS: [&'static str; 38] = [
+    pub const COLUMNS: [&'static str; 40] = [
         "step",
         "time_s",
         "tool_x_m",
@@ -225,6 +228,8 @@ impl StepReport {
         "compliance_error_of_lower_rung",
         "rung",
         "correction_iterations",
+        "correction_residual",
+        "rescued",
         "overlap_m",
         "patch_nodes",
         "patch_triangles_left_out",
@@ -234,7 +239,7 @@ impl StepReport {
     ];
 
     /// The report as one row of a table.
-    pub fn row(&self) -> [f64; 38] {
+    pub fn row(&self) -> [f64; 40] {
         let p = self.tool.frame.translation.vector;
         let r = self.tool.frame.rotation;
         [
@@ -270,6 +275,8 @@ impl StepReport {
             self.error.lower,
             self.rung.map_or(f64::NAN, |rung| f64::from(rung as u8)),
             f64::from(self.error.correction_iterations),
+            self.error.correction_residual,
+            f64::from(u8::from(self.rescued)),
             self.error.overlap,
             self.patch.nodes as f64,
             self.patch.left_out as f64,

@@ -105,9 +105,7 @@ pub(super) fn is_of_another_body(ws: &StepWorkspace, report: &StepReport) -> boo
 /// Factors this step's own matrix where the method wants one that is not there yet.
 pub(super) fn own_factor(world: &World, ws: &mut StepWorkspace, report: &mut StepReport) {
     let plan = world.plan();
-    let outdated = report.change.factor == FactorFit::Outdated;
-    let exact =
-        plan.compliance == ComplianceMethod::Exact && !plan.constant || report.rung == Some(Rung::Exact) || outdated;
+    let exact = plan.compliance == ComplianceMethod::Exact && !plan.constant || report.rung == Some(Rung::Exact);
     // What was refused before the free motion would be refused again.
     if exact && !ws.own_is_current && !report.refused && *world.integration() == Integration::BackwardEuler {
         refactor(ws, report);

@@ -123,6 +123,8 @@ pub struct StepWorkspace {
     pub(super) own: Option<Factor>,
     /// Whether `own` is that of the step at hand.
     pub(super) own_is_current: bool,
+    /// What is left of the iterations of the step at hand.
+    pub(super) iterations_left: usize,
     /// Right side and solution of solves besides the free motion.
     pub(super) load: Vec<f64>,
     pub(super) sample: Vec<f64>,
@@ -199,7 +201,7 @@ impl StepWorkspace {
             Solver::Automatic(config) => AutomaticConfig { bounded: true, ..config }.into(),
             solver => solver,
         };
-        let own = world.plan().has_own_factor();
+        let own = world.plan().has_own_factor(world.dt(), world.changes_ever());
         let (mut newton, mut explicit, mut dt) = (None, None, world.dt());
         match *world.integration() {
             Integration::BackwardEuler => {}
@@ -243,6 +245,7 @@ impl StepWorkspace {
             solver_workspace: solver.workspace(rows),
             own: own.then(|| Factor::new(Arc::clone(symbolic))),
             own_is_current: false,
+            iterations_left: 0,
             load: vec![0.0; 3 * free],
             sample: vec![0.0; 3 * free],
             lambda_of_sample: vec![0.0; rows],

@@ -193,6 +193,13 @@ impl World {
         &self.integration
     }
 
+    /// Age (s) at which a refreshed factor reaches the step in lockstep: what the scene says, or the time that the plan
+    /// predicts for a factorisation, rounded up to whole ticks. A function of the scene alone, the same on every machine.
+    pub fn factor_delay(&self) -> f64 {
+        let rates = &self.description().rates;
+        rates.factor_delay.unwrap_or_else(|| (self.plan.factorization * rates.tick).ceil() / rates.tick)
+    }
+
     /// The methods of a run, and why.
     pub fn plan(&self) -> &Plan {
         &self.plan

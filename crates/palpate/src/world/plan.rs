@@ -114,13 +114,13 @@ impl Plan {
         }
     }
 
-    /// Most nodes that an event may touch for a factor to follow it by an update: one that takes no longer than a step, or
-    /// than the factorisation that would do in its place.
+    /// Most nodes that an event may touch for a factor to follow it by an update in a step of `dt` (s): one that takes no
+    /// longer than the factorisation which does in its place, or where that is short, than may be spent in a step on one.
     pub(super) fn room_for_changes(&self, dt: f64) -> usize {
         if self.refactor == Refactor::Step {
             return 0;
         }
-        (dt.max(self.factorization) / self.change_of_node()) as usize
+        (self.factorization.max(Self::largest_in_step(dt)) / self.change_of_node()) as usize
     }
 
     /// Predicted time (s) in which a factor follows a change of one node.
@@ -152,10 +152,12 @@ impl Plan {
         self.refactor == Refactor::Thread
     }
 
-    /// Whether the step needs memory for a factor of its own matrix.
-    pub(crate) fn has_own_factor(&self) -> bool {
-        let climbs = self.ladder.is_some();
-        self.refactor == Refactor::Step || self.compliance == ComplianceMethod::Exact && !self.constant || climbs
+    /// Whether the step needs memory for a factor of its own matrix: where the plan makes one, where the body may change by
+    /// more than the thread's factor can follow, and for iterations that fail where a factorisation fits into `dt` (s).
+    pub(crate) fn has_own_factor(&self, dt: f64, changes: bool) -> bool {
+        let planned = self.refactor == Refactor::Step || self.compliance == ComplianceMethod::Exact && !self.constant;
+        let follows = changes && self.has_factor_thread();
+        planned || self.ladder.is_some() || follows || !self.constant && self.factorization <= dt
     }
 }
 

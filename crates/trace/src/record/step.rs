@@ -13,7 +13,7 @@ flags! {
         2 => FREE_MOTION_UNCONVERGED;
         /// The contact solver spent its sweeps before reaching its tolerance.
         3 => CONTACT_UNCONVERGED;
-        /// Exact compliance was asked for, and this step's matrix could not be factored.
+        /// This step's matrix was to be factored and could not be.
         4 => FACTOR_REFUSED;
         /// A body turned non-finite and was rolled back to its last good state.
         5 => ROLLED_BACK;
@@ -32,6 +32,10 @@ flags! {
         11 => LED;
         /// The factor's copy in 16 bits could not serve: solves went by its stored values.
         12 => SOLVED_IN_FULL;
+        /// The exact correction ended before reaching its tolerance.
+        13 => CORRECTION_UNCONVERGED;
+        /// A linear solve ended without convergence, and the step factored its own matrix to go on.
+        14 => RESCUED;
     }
 }
 

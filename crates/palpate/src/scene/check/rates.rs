@@ -14,7 +14,7 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     positive(source, "rates.step", r.step, "Hz")?;
     positive(source, "rates.factor", r.factor, "Hz")?;
     positive(source, "rates.tick", r.tick, "Hz")?;
-    not_negative(source, "rates.factor_delay", r.factor_delay, "s")?;
+    r.factor_delay.map_or(Ok(()), |delay| not_negative(source, "rates.factor_delay", delay, "s"))?;
     if r.tick < r.step {
         let message = format!("the tick rate {} Hz is below the step rate {} Hz", r.tick, r.step);
         return Err(source.at("rates.tick", message, "use 1000 Hz for haptics, at least the step rate"));

@@ -103,13 +103,15 @@ pub struct RatesDescription {
     pub factor: f64,
     /// Ticks of the haptic loop per second.
     pub tick: f64,
-    /// Lockstep only: age (s) at which a refreshed factor reaches the step, as if the factor thread took so long.
-    pub factor_delay: f64,
+    /// Lockstep only: age (s) at which a refreshed factor reaches the step, as if the factor thread took so long. By default the
+    /// time that the plan predicts for a factorisation, in whole ticks: [`World::factor_delay`](crate::world::World::factor_delay).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub factor_delay: Option<f64>,
 }
 
 impl Default for RatesDescription {
     fn default() -> Self {
-        Self { step: 30.0, factor: 10.0, tick: 1000.0, factor_delay: 0.1 }
+        Self { step: 30.0, factor: 10.0, tick: 1000.0, factor_delay: None }
     }
 }
 
