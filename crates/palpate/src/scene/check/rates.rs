@@ -2,6 +2,7 @@
 
 use super::super::description::{RatesDescription, SceneDescription};
 use super::super::parse::Source;
+use super::super::readable::Readable;
 use super::Checked;
 use super::number::{not_negative, positive};
 
@@ -13,11 +14,15 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     positive(source, "rates.tick", r.tick, "Hz")?;
     not_negative(source, "rates.factor_delay", r.factor_delay, "s")?;
     if r.tick < r.step {
-        let message = format!("the tick rate {} Hz is below the step rate {} Hz", r.tick, r.step);
+        let message = format!("the tick rate {} Hz is below the step rate {} Hz", Readable(r.tick), Readable(r.step));
         return Err(source.at("rates.tick", message, "use 1000 Hz for haptics, at least the step rate"));
     }
     if r.tick > 20_000.0 {
-        return Err(source.at("rates.tick", format!("{} Hz leaves no time to work in", r.tick), "use at most 20000"));
+        return Err(source.at(
+            "rates.tick",
+            format!("{} Hz leaves no time to work in", Readable(r.tick)),
+            "use at most 20000",
+        ));
     }
     gap(scene, source)
 }
