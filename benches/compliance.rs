@@ -8,7 +8,6 @@ use nalgebra::DMatrix;
 use palpate::constraints::surface_inverse::{GatherWorkspace, SurfaceInverse};
 use palpate::fem::factor::{Factor, FactorStatus, ReachWorkspace, SolveWorkspace};
 use palpate::fem::nodal_rows::NodalRows;
-use palpate::fem::sparse::FIXED;
 use palpate::simulation::Simulation;
 use palpate::world::World;
 use std::sync::Arc;
@@ -43,16 +42,6 @@ impl Full {
     }
 }
 
-/// Free nodes of the skin.
-fn skin(world: &World) -> Vec<u32> {
-    let free = world.model().free_of_node();
-    let mut nodes: Vec<u32> = world.surface().triangles.iter().flatten().map(|&node| free[node as usize]).collect();
-    nodes.sort_unstable();
-    nodes.dedup();
-    nodes.retain(|&node| node != FIXED);
-    nodes
-}
-
 fn measure(c: &mut Criterion, world: &World, simulation: &Simulation<'_>, contacts: usize) {
     let patch = Patch::of(simulation, contacts);
     let rows = &patch.rows;
@@ -83,7 +72,7 @@ fn measure(c: &mut Criterion, world: &World, simulation: &Simulation<'_>, contac
     );
 
     let begin = Instant::now();
-    let surface = SurfaceInverse::new(&factor, &skin(world), usize::MAX).expect("the factor is valid");
+    let surface = SurfaceInverse::new(&factor, &world.free_skin(), usize::MAX).expect("the factor is valid");
     let set_up = begin.elapsed().as_secs_f64();
     let mut gather = GatherWorkspace::new(&surface, m);
     let mut w_gathered = DMatrix::zeros(m, m);

@@ -11,6 +11,7 @@ use palpate::fem::pcg::{PcgConfig, PcgStatus, PcgWorkspace, pcg};
 use palpate::fem::preconditioner::BlockJacobi;
 use palpate::prelude::*;
 use palpate::scene::Refactor;
+use palpate::step::StepReport;
 
 use block::{STEPS, pose, record};
 
@@ -94,6 +95,37 @@ fn exact_compliance_has_no_error_and_sampling_can_be_left_out() {
     (0..30).for_each(|k| _ = simulation.step(&pose(k)));
     let (w, exact) = (simulation.workspace().problem().compliance().into_owned(), exact_compliance(&simulation));
     assert!((&w - &exact).amax() < 1e-8 * exact.amax(), "{:e}", (&w - &exact).amax() / exact.amax());
+}
+
+/// With what scenes grant by default in every step of contact, with factors as old as a run has them; where less is granted,
+/// in fewer steps.
+#[test]
+fn a_run_of_the_bundled_liver_compares_a_column_whenever_the_plan_says_so() {
+    for (share, most_apart) in [(None, 1), (Some(0.005), 20)] {
+        let mut scene = Scene::bundled("liver").unwrap();
+        scene.edit(|scene| scene.bodies[0].error_sampling = share.unwrap_or(scene.bodies[0].error_sampling)).unwrap();
+        let world = scene.build().unwrap();
+        let sampling = world.plan().sampling;
+        println!("{share:?}: {sampling:?}");
+        assert!(sampling.every >= 1 && sampling.every <= most_apart, "{sampling:?}");
+        let granted = world.description().bodies[0].error_sampling * world.dt();
+        let worth = sampling.iterations as f64 * sampling.iteration / sampling.every as f64;
+        assert!(worth <= granted, "{worth:e} s of {granted:e} s a step");
+
+        let length = Length::Seconds(2.6);
+        let (_, recorder) = record(&world, &RunOptions { length, lockstep: true, ..RunOptions::default() });
+        let touching: Vec<_> = recorder.steps.iter().filter(|step| step.rows.rows > 0).collect();
+        let sampled = |step: &&&StepReport| !step.error.sampled.is_nan();
+        let due = touching.iter().filter(|step| sampling.is_due(step.step));
+        let (of, count) = (due.clone().count(), due.filter(sampled).count());
+        println!("{count} of {of} columns, in {} steps", touching.len());
+        assert!(of as u64 >= touching.len() as u64 / sampling.every && of > 0, "{of} of {}", touching.len());
+        assert_eq!(count, of);
+        assert_eq!(touching.iter().filter(sampled).count(), count, "and in no other step");
+        let rows: std::collections::BTreeSet<u32> =
+            touching.iter().filter(sampled).map(|step| step.error.sampled_row).collect();
+        assert!(2 * rows.len() >= count, "the rows have their turns: {rows:?}");
+    }
 }
 
 /// `M (v⁺ - v) = h (f + Hᵀ λ) - ...`: the step's end is the solution of its linear system under the forces that were found,

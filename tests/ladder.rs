@@ -6,7 +6,7 @@ mod block;
 
 use block::{RADIUS, SKIN, record};
 use nalgebra::Isometry3;
-use palpate::constraints::compliance::ComplianceMethod;
+use palpate::constraints::compliance::{ComplianceMethod, MotionCorrection};
 use palpate::prelude::*;
 use palpate::replay::replay;
 use palpate::scene::Refactor;
@@ -87,6 +87,55 @@ fn a_deep_press_climbs_and_comes_down_after_it() {
     let down = all.iter().skip(free).position(|r| rung(r) == Rung::Warped).unwrap();
     assert!(down <= 3 * CALM_STEPS as usize + 1, "{down} steps after step {free}");
     assert!(all[free + down..].iter().all(|r| rung(r) == Rung::Warped));
+}
+
+/// The correction by the old inverse tells nothing of its error: a column is compared in every step, whatever the scene grants
+/// for it, and the run climbs as by the exact one.
+#[test]
+fn a_run_climbs_also_where_the_correction_does_not_tell_the_error() {
+    let world = block(ComplianceMethod::Asynchronous, |scene| {
+        let body = &mut scene.bodies[0];
+        (body.correction, body.error_sampling) = (MotionCorrection::Matching, 1e-9);
+    });
+    assert_eq!(world.plan().sampling.every, 1);
+    let all = steps(&world, depth);
+    let measured = |r: &&StepReport| r.error.measured().is_some();
+    let inexact = |r: &&StepReport| r.active > 0 && r.method != ComplianceMethod::Exact;
+    let (of, known) = (all.iter().filter(inexact).count(), all.iter().filter(inexact).filter(measured).count());
+    println!("{known} of {of} steps know their error; highest {:?}", all.iter().map(rung).max());
+    assert!(known == of && of > 20, "{known} of {of}");
+    assert!(all.iter().all(|r| r.error.along_forces.is_nan()), "the correction tells nothing");
+    let mut missed = 0;
+    for (before, after) in all.iter().zip(&all[1..]) {
+        let misses = inexact(&before) && before.error.measured().is_some_and(|error| error > ACCURACY);
+        assert_eq!(rung(after) > rung(before), misses && rung(before) != Rung::Exact, "after step {}", before.step);
+        missed += usize::from(misses);
+    }
+    assert!(missed > 0 && all.iter().map(rung).max() >= Some(Rung::Early), "{missed}");
+}
+
+#[test]
+fn an_accuracy_that_nothing_measures_is_refused() {
+    let edit = |change: &dyn Fn(&mut SceneDescription)| {
+        let mut scene = block::scene(|scene| scene.bodies[0].accuracy = Some(ACCURACY));
+        scene
+            .edit(|scene| {
+                (scene.bodies[0].correction, scene.bodies[0].error_sampling) = (MotionCorrection::Matching, 0.0);
+                change(scene);
+            })
+            .map_err(|e| e.to_string())
+    };
+    let refused = edit(&|_| ()).unwrap_err();
+    assert!(refused.contains("accuracy") && refused.contains("error_sampling"), "{refused}");
+    // Each of these tells the error, or has none.
+    edit(&|scene| scene.bodies[0].error_sampling = 1e-6).unwrap();
+    edit(&|scene| scene.bodies[0].correction = MotionCorrection::Exact).unwrap();
+    edit(&|scene| scene.bodies[0].compliance = ComplianceMethod::Exact).unwrap();
+    edit(&|scene| {
+        let linear = palpate::fem::material::Material::from_young_poisson("linear", 6e3, 0.45).unwrap();
+        scene.bodies[0].material = linear.into();
+    })
+    .unwrap();
 }
 
 #[test]

@@ -132,35 +132,50 @@ fn a_quick_chart_of_compliance_says_that_error_grows_with_age_and_the_exact_corr
     let place = Place::new();
     let run = place.run("chart compliance --quick --out charts");
     assert_eq!(run.code, Some(0), "{run:?}");
-    assert!(place.text("charts/compliance.svg").contains("precomputed, warped, refined"));
+    assert!(place.text("charts/compliance.svg").contains("precomputed, warped, exact correction"));
     let rows = table(&place, "charts/compliance.csv");
-    // Three motions: the exact method, and with each of three corrections two sources of W at five ages and one at one.
-    assert_eq!(rows.len(), 3 * (1 + 3 * (2 * 5 + 1)));
-    for row in rows.iter().filter(|row| ["exact", "refined"].contains(&text(row, "correction"))) {
+    // Three motions: the exact method, and with each of two corrections two sources of W at five ages and one at one.
+    assert_eq!(rows.len(), 3 * (1 + 2 * (2 * 5 + 1)));
+    for row in rows.iter().filter(|row| text(row, "correction") == "exact") {
         // The solves stop at 1e-6 of their right side.
         assert!(number(row, "imbalance [%]") <= 1e-4, "{row:?}");
     }
     let (warped, plain, gathered) = ("async, warped", "async, not warped", "precomputed, warped");
-    let errors = |motion: &str, source: &str, correction: &str| -> Vec<f64> {
+    let of = |motion: &str, source: &str, correction: &str| -> Vec<&Vec<(String, String)>> {
         let of = |row: &&Vec<(String, String)>| {
             [("motion", motion), ("compliance", source), ("correction", correction)]
                 .iter()
                 .all(|(k, v)| text(row, k) == *v)
         };
-        rows.iter().filter(of).map(|row| number(row, "error of forces [%]")).collect()
+        rows.iter().filter(of).collect()
     };
+    let errors = |motion: &str, source: &str, correction: &str| -> Vec<f64> {
+        of(motion, source, correction).iter().map(|row| number(row, "error of forces [%]")).collect()
+    };
+    let mut left_alone = 0;
     for motion in ["twisting", "pressed deep"] {
         for source in [warped, plain] {
-            let (before, after) = (errors(motion, source, "matching"), errors(motion, source, "refined"));
-            assert!(before.len() == 5 && before[0] < 1e-3, "a factor of the step itself is exact: {before:?}");
+            let (before, after) = (errors(motion, source, "matching"), errors(motion, source, "exact"));
+            // The solver stops at a residual of 1e-6, relative to the forces.
+            assert!(before.len() == 5 && before[0] < 1e-2, "a factor of the step itself is exact: {before:?}");
             assert!(before.windows(2).all(|pair| pair[0] < pair[1]), "{motion}, {source}: {before:?}");
-            let better = before.iter().zip(&after).skip(1).all(|(before, after)| after < before);
-            assert!(better, "{motion}, {source}: refined forces are nearer: {before:?} {after:?}");
+            assert!(of(motion, source, "matching").iter().all(|row| text(row, "refined") == "no"));
+            for ((row, before), after) in of(motion, source, "exact").iter().zip(&before).zip(&after) {
+                match text(row, "refined") {
+                    "yes" => assert!(after < before, "{motion}, {source}: refined, {before} -> {after}"),
+                    // As a run leaves them where W is right to half a percent along them.
+                    _ => {
+                        left_alone += u32::from(*before > 0.05);
+                        assert!(*before < 2.0 && (after - before).abs() < 1e-2, "{motion}, {source}: {before} {after}");
+                    }
+                }
+            }
         }
         // The precomputed inverse is that of the oldest factor, but for rounding to single precision.
         let (old, precomputed) = (errors(motion, warped, "matching")[4], errors(motion, gathered, "matching")[0]);
-        assert!((old - precomputed).abs() < 1e-3, "{motion}: {old} {precomputed}");
+        assert!((old - precomputed).abs() < 1e-2, "{motion}: {old} {precomputed}");
     }
+    assert!(left_alone > 0, "what a run does not refine is not refined here");
     let (with, without) = (errors("twisting", warped, "matching")[4], errors("twisting", plain, "matching")[4]);
     assert!(with < 0.2 * without, "warping serves a twist: {with} {without}");
 }

@@ -4,15 +4,18 @@ use std::time::Instant;
 
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use miette::{Report, Result};
-use palpate::constraints::compliance::ComplianceMethod;
+use nalgebra::Matrix3;
+use palpate::constraints::compliance::{ComplianceMethod, MotionCorrection};
 use palpate::fem::factor::{
     ChangeStatus, Factor, FactorStatus, MatrixChange, SolveWorkspace, SymbolicFactor, UpdateStatus,
 };
+use palpate::fem::pcg::{PcgConfig, PcgWorkspace, pcg};
+use palpate::fem::preconditioner::WarpedPreconditioner;
 use palpate::fem::sparse::SystemMatrix;
 use palpate::scene::{IntegratorKind, Refactor, Scene};
 use palpate::simulation::Simulation;
 use palpate::step::StepTimes;
-use palpate::world::{Plan, World};
+use palpate::world::{Plan, Sampling, World};
 use std::sync::Arc;
 
 use crate::output::say;
@@ -41,7 +44,7 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
     let plan = world.plan();
     row(factorization(&world), Some(plan.factorization), Some(here.factorization));
     row("one solve with the factor", Some(plan.solve), Some(here.solve));
-    row("one solve in 16 bits, as a preconditioner", None, Some(here.precondition));
+    row("one iteration with its copy in 16 bits", Some(plan.sampling.iteration), Some(here.iteration));
     row("the factor follows a change of one node", Some(plan.change_of_node()), here.change_of_node);
     if let Some(t) = &measured {
         for (name, time) in [
@@ -78,16 +81,30 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
             8e-6 * (3 * capacity).pow(2) as f64,
         ))?;
     }
-    say(format_args!(
-        "error of the compliance: {}",
-        match (plan.compliance, plan.sample_iterations) {
-            (ComplianceMethod::Exact, _) => "none".to_string(),
-            (_, 0) =>
-                "known along the forces; comparing a column as well takes more than `error_sampling` grants".into(),
-            (_, n) => format!("known along the forces, and of one column a step within {n} iterations"),
-        }
-    ))?;
+    say(format_args!("error of the compliance: {}", error(plan)))?;
     Ok(0)
+}
+
+/// What a run will know of the error of its compliance.
+fn error(plan: &Plan) -> String {
+    let ladder = plan.ladder.is_some();
+    if plan.compliance == ComplianceMethod::Exact && !ladder {
+        return "none".into();
+    }
+    let Sampling { every, iterations, iteration } = plan.sampling;
+    let along = match plan.correction {
+        MotionCorrection::Exact => "known along the forces in every step",
+        MotionCorrection::Matching => "not known along the forces (correction = \"matching\")",
+    };
+    let column = match every {
+        0 => "no column is compared (error_sampling = 0)".into(),
+        _ => {
+            let when = if every == 1 { "every step".to_string() } else { format!("every {every} steps") };
+            let most = 1e3 * iterations as f64 * iteration;
+            format!("one column is compared in {when}, within {iterations} iterations: {most:.2} ms predicted")
+        }
+    };
+    format!("{along}; {column}")
 }
 
 /// When the factorisation happens.
@@ -105,10 +122,14 @@ fn factorization(world: &World) -> &'static str {
 struct FactorTimes {
     factorization: f64,
     solve: f64,
-    precondition: f64,
+    /// Of the conjugate gradients: the copy as preconditioner, the product with the matrix, and vectors.
+    iteration: f64,
     /// For one node of [`CHANGED`]; none where a factor cannot be changed so.
     change_of_node: Option<f64>,
 }
+
+/// Iterations of the conjugate gradients that are timed together.
+const ITERATIONS: usize = 10;
 
 /// Nodes that are held fast to measure what a change costs.
 const CHANGED: usize = 12;
@@ -125,10 +146,26 @@ impl FactorTimes {
         let mut workspace = SolveWorkspace::new(world.symbolic());
         let mut x = simulation.workspace().fem.rhs.clone();
         let solve = median(|| _ = factor.solve(&mut x, &mut workspace));
-        let precondition = median(|| _ = factor.precondition(&mut x, &mut workspace));
+        let iteration = iteration(system, &factor, &mut workspace, &simulation.workspace().fem.rhs);
         let change_of_node = change_of_node(world, system);
-        Ok(Self { factorization: median(|| _ = factor.refactor(system)), solve, precondition, change_of_node })
+        Ok(Self { factorization: median(|| _ = factor.refactor(system)), solve, iteration, change_of_node })
     }
+}
+
+/// Time (s) of an iteration of the conjugate gradients with a factor that is turned with the nodes, as steps with an old one
+/// make them.
+fn iteration(system: &SystemMatrix, factor: &Factor, workspace: &mut SolveWorkspace, b: &[f64]) -> f64 {
+    let nodes = system.pattern.rows();
+    let (rotations, mut x, mut ws) = (vec![Matrix3::identity(); nodes], vec![0.0; b.len()], PcgWorkspace::new(nodes));
+    // Out of reach, so that it takes all of them.
+    let config = PcgConfig { relative_tolerance: f64::MIN_POSITIVE, max_iterations: ITERATIONS };
+    let mut taken = 1;
+    let time = median(|| {
+        x.fill(0.0);
+        let mut preconditioner = WarpedPreconditioner { factor, rotations: &rotations, workspace };
+        taken = pcg(system, b, &mut x, &mut preconditioner, config, &mut ws).iterations.max(1);
+    });
+    time / taken as f64
 }
 
 /// Time (s) in which a factor follows a change of one of some nodes that lie scattered in the body.

@@ -1,5 +1,5 @@
-//! faer's own numeric factorisation over the same supernodes: left-looking, in sequence. The yardstick of
-//! [`Factor::refactor`].
+//! faer's own numeric factorisation over the same supernodes: left-looking, in sequence. The yardstick of tests and benches
+//! for [`Factor::refactor`].
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use super::permuted_blocks::{PermutedBlocks, Triangle};
 use super::symbolic::SymbolicFactor;
 use crate::sparse::SystemMatrix;
 
-/// `P A Pᵀ = L Lᵀ` by faer.
+/// `P A Pᵀ = L Lᵀ` by faer, for tests and benches to compare [`Factor`] with: no step uses it.
 pub struct LeftLookingFactor {
     symbolic: Arc<SymbolicFactor>,
     lower: SymbolicSparseColMat<u32>,

@@ -73,7 +73,8 @@ pub fn nested_dissection(pattern: &BlockPattern, positions: &[Vector3<f64>]) -> 
     dissection(pattern, positions, BANDS)
 }
 
-/// The same with separators that keep to planes: a yardstick for [`nested_dissection`], and quicker to make.
+/// The same with separators that keep to planes: the yardstick of tests and benches for [`nested_dissection`], by which nothing
+/// else is ordered.
 pub fn plane_dissection(pattern: &BlockPattern, positions: &[Vector3<f64>]) -> NodeOrdering {
     dissection(pattern, positions, PLANES)
 }

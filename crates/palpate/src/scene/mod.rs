@@ -5,6 +5,7 @@ mod check;
 mod description;
 mod error;
 mod parse;
+mod readable;
 
 use std::path::{Path, PathBuf};
 
@@ -22,6 +23,7 @@ use palpate_fem::mesh::TetMesh;
 
 use crate::world::World;
 use parse::Source;
+pub(crate) use readable::Readable;
 
 /// What follows the origin of a scene that was changed after it was read.
 const CHANGED: &str = " (as changed)";

@@ -5,27 +5,21 @@
 //! ```text
 //! A x = Hᵀ λ,   Δv = h x            exact correction: conjugate gradients from x₀ = R A₀⁻¹ Rᵀ Hᵀ λ
 //! h H Δv = W_A λ                    what the forces really open, against W λ
-//! A y = Hᵀ e_j,  h² H y = W_A e_j   one column, in turn
 //! ```
 //! The correction by the old inverse alone moves inner nodes as another body would move: a pressed fine block gains
 //! energy from step to step until it folds. With the exact one every step is the backward Euler step of the body under
 //! the forces `λ`, whose error is then only one of accuracy.
 
-use palpate_constraints::body::{Body, RigidBodies};
-use palpate_constraints::compliance::{self, ComplianceMethod, MotionCorrection};
+use palpate_constraints::compliance::{ComplianceMethod, MotionCorrection};
 use palpate_constraints::law::Law;
 use palpate_fem::pcg::{PcgConfig, PcgReport, PcgStatus, pcg};
 
 use super::free_motion::{bounds, factor_in_need};
 use super::preconditioner::StepPreconditioner;
 use super::refinement::{asks_for_refinement, hand_down, refine};
-use super::stages::inverse;
-use super::{StepReport, StepState, StepStatus, StepWorkspace};
+use super::{StepReport, StepState, StepWorkspace};
 use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
-
-/// Relative residual at which a compared column counts as exact.
-const SAMPLE_TOLERANCE: f64 = 1e-6;
 
 /// Relative residual at which the motion of the forces is first looked at: enough to tell whether they are to be refined,
 /// after which their motion is another.
@@ -157,46 +151,4 @@ pub(super) fn misfit(ws: &StepWorkspace) -> Misfit {
 /// How far the motion under the forces opens the gap of a row (m).
 pub(super) fn opening(ws: &StepWorkspace, row: usize) -> f64 {
     ws.dt * (ws.rows.tissue.dot(row, &ws.correction) + ws.rows.rigid.dot(row, &ws.rigid.correction))
-}
-
-/// Compares one column of a `W` that is not exact with the exact one, the rows in turn. Says nothing where the iterations
-/// that the plan grants do not suffice.
-pub(super) fn sample_column(world: &World, factor: &FactorSample, ws: &mut StepWorkspace, report: &mut StepReport) {
-    let m = ws.rows.len();
-    let most = world.plan().sample_iterations;
-    let measurable = report.compliance.usable && report.status == StepStatus::Advanced;
-    if most == 0 || m == 0 || !measurable || report.method == ComplianceMethod::Exact {
-        return;
-    }
-    let row = (report.step % m as u64) as usize;
-    ws.lambda_of_sample[..m].fill(0.0);
-    ws.lambda_of_sample[row] = 1.0;
-    let lambda = &ws.lambda_of_sample[..m];
-    ws.load.fill(0.0);
-    ws.rows.tissue.add_transposed(lambda, &mut ws.load);
-    let (inverse, _) = inverse(world, factor, None, None, ws.first.as_ref(), &ws.rotations);
-    // Where there is no guess, the iterations begin at zero.
-    compliance::guess(inverse, lambda, 1.0, &mut ws.sample, &mut ws.compliance);
-    let config = PcgConfig { relative_tolerance: SAMPLE_TOLERANCE, max_iterations: most };
-    let mut preconditioner = StepPreconditioner::new(None, factor, &ws.rotations, &mut ws.solve);
-    let solve = pcg(&ws.fem.system, &ws.load, &mut ws.sample, &mut preconditioner, config, &mut ws.pcg);
-    if solve.status != PcgStatus::Converged {
-        return;
-    }
-    let mut rigid = RigidBodies { inverse: &ws.rigid.inverse, correction: &mut ws.rigid.sample };
-    if !rigid.correct(&ws.rows, &ws.lambda_of_sample[..m], 1.0) {
-        return;
-    }
-    let view = ws.problem.view();
-    let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
-    for (r, w) in view.column(row).iter().enumerate() {
-        let of_rigid = ws.rows.rigid.dot(r, &ws.rigid.sample);
-        let exact = ws.dt * ws.dt * (ws.rows.tissue.dot(r, &ws.sample) + of_rigid);
-        worst = worst.max((w - exact).abs());
-        largest = largest.max(exact.abs());
-    }
-    if largest > 0.0 {
-        report.error.sampled = worst / largest;
-        report.error.sampled_row = row as u32;
-    }
 }

@@ -6,12 +6,12 @@
 //! ```
 //! `W_A λ` and the column are those that the step has measured its own error with; on the exact rung they are its `W`.
 
-use palpate_constraints::body::{Body, RigidBodies};
 use palpate_constraints::compliance::ComplianceMethod;
 use palpate_fem::factor::SolveStatus;
 use palpate_fem::preconditioner::{Preconditioner, WarpedPreconditioner};
 
 use super::accuracy::opening;
+use super::column;
 use super::first_inverse::first_serves;
 use super::{StepReport, StepState, StepStatus, StepWorkspace};
 use crate::refresh::FactorSample;
@@ -95,7 +95,7 @@ pub(super) fn choose_next(
             (None, _) => f64::NAN,
             // The same factor until the error makes it anew, which it does above the share that the lower rung may use up.
             (Some(_), Rung::Early) => measured.unwrap_or(f64::NAN),
-            (Some(lower), _) => probe(lower, factor, ws, report),
+            (Some(lower), _) => probe(world, lower, factor, ws, report),
         };
     }
     let exact = report.method == ComplianceMethod::Exact;
@@ -105,9 +105,9 @@ pub(super) fn choose_next(
 
 /// The greater of the relative errors that the compliance of another rung has along the forces and in the sampled column;
 /// NaN where neither could be compared.
-fn probe(lower: Rung, factor: &FactorSample, ws: &mut StepWorkspace, report: &StepReport) -> f64 {
+fn probe(world: &World, lower: Rung, factor: &FactorSample, ws: &mut StepWorkspace, report: &StepReport) -> f64 {
     let along = along_forces(lower, factor, ws, report).unwrap_or(f64::NAN);
-    let column = column(lower, factor, ws, report).unwrap_or(f64::NAN);
+    let column = of_column(world, lower, factor, ws, report).unwrap_or(f64::NAN);
     along.max(column) // ignores one NaN
 }
 
@@ -145,31 +145,26 @@ fn along_forces(lower: Rung, factor: &FactorSample, ws: &mut StepWorkspace, repo
 
 /// The largest error of a column, relative to the largest entry of the exact one: the column that the step has sampled, or
 /// on the exact rung the one whose turn it would be.
-fn column(lower: Rung, factor: &FactorSample, ws: &mut StepWorkspace, report: &StepReport) -> Option<f64> {
+fn of_column(
+    world: &World,
+    lower: Rung,
+    factor: &FactorSample,
+    ws: &mut StepWorkspace,
+    report: &StepReport,
+) -> Option<f64> {
     let m = ws.rows.len();
     let exact = report.method == ComplianceMethod::Exact;
     if !exact && report.error.sampled.is_nan() {
         return None;
     }
-    let row = if exact { (report.step % m as u64) as usize } else { report.error.sampled_row as usize };
-    let lambda = &mut ws.lambda_of_sample[..m];
-    lambda.fill(0.0);
-    *lambda.get_mut(row)? = 1.0;
-    let mut rigid = RigidBodies { inverse: &ws.rigid.inverse, correction: &mut ws.rigid.sample };
-    if !rigid.correct(&ws.rows, lambda, 1.0) {
+    let row = if exact { world.plan().sampling.row(report.step, m) } else { report.error.sampled_row as usize };
+    if !column::push(ws, row) {
         return None;
     }
     answer(lower, factor, ws)?;
-    let view = ws.problem.view();
-    let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
-    for (r, w) in view.column(row).iter().enumerate() {
-        let of_rigid = ws.rows.rigid.dot(r, &ws.rigid.sample);
-        let entry = |x: &[f64]| ws.dt * ws.dt * (ws.rows.tissue.dot(r, x) + of_rigid);
-        let truth = if exact { *w } else { entry(&ws.sample) };
-        worst = worst.max((entry(&ws.probe) - truth).abs());
-        largest = largest.max(truth.abs());
-    }
-    (largest > 0.0).then(|| worst / largest)
+    let w = ws.problem.view().column(row);
+    let truth = |r: usize| if exact { w[r] } else { column::entry(ws, r, &ws.sample) };
+    column::error(m, |r| column::entry(ws, r, &ws.probe), truth)
 }
 
 /// Memory for the answer of another rung to a load: `3 x nodes` where there is a ladder.

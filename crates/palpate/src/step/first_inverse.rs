@@ -10,7 +10,7 @@ use palpate_fem::rotation::nodal_rotations;
 use super::{StepReport, StepState, StepWorkspace};
 use crate::refresh::FactorSample;
 use crate::scene::Refactor;
-use crate::world::{Rung, World, skin_nodes};
+use crate::world::{Rung, World};
 
 /// The inverse with what it takes to warp it, and to correct by it.
 pub(super) struct FirstInverse {
@@ -33,8 +33,7 @@ impl FirstInverse {
     ) -> Option<Self> {
         let wanted = world.plan().precomputed.filter(|precomputed| precomputed.fits())?;
         // The plan has counted the same nodes, and the factor is valid: there is an inverse.
-        let nodes = skin_nodes(world.model(), world.surface());
-        let surface = SurfaceInverse::new(&first.factor, &nodes, wanted.most).ok()?;
+        let surface = SurfaceInverse::new(&first.factor, &world.free_skin(), wanted.most).ok()?;
         compliance.inverse_mut().make_room_for(&surface);
         let own = world.plan().refactor == Refactor::Thread;
         Some(Self {

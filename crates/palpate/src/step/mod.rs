@@ -25,6 +25,7 @@ mod bodies;
 mod body_contacts;
 mod change;
 mod climb;
+mod column;
 mod compliance_error;
 mod correction;
 mod direct;
@@ -32,6 +33,7 @@ mod drift;
 mod first_inverse;
 mod forces;
 mod free_motion;
+mod given;
 mod guard;
 mod hand_over;
 mod held_open;
@@ -74,6 +76,8 @@ pub(crate) use change::pass_next_event;
 pub use change::{ChangeReport, FactorFit, pass_events};
 pub use climb::Climb;
 pub use compliance_error::ComplianceError;
+#[doc(hidden)]
+pub use given::{GivenContact, step_at};
 pub(crate) use prepared::Prepared;
 pub use report::{FailedElement, StepReport, StepStatus, Tangle};
 pub(crate) use rigid::{digest, placements};
@@ -147,7 +151,7 @@ pub fn step(
         }
     }
     report.bodies.digest = digest(placements(world, &state.rigid));
-    accuracy::sample_column(world, input.factor, ws, &mut report);
+    column::sample(world, input.factor, ws, &mut report);
     climb::choose_next(world, input.factor, state, ws, &mut report);
     report.times.sampling = clock.lap();
     hand_over::hand_over(world, input, before.as_ref(), state, ws, &mut report, snapshot);

@@ -54,6 +54,12 @@ pub(super) fn rows(world: &World, tool: &ToolPose, state: &StepState, ws: &mut S
     report.rows = build_rows(&state.contacts.contacts, &input, &mut ws.rows);
     build_fixed_rows(&state.contacts.contacts, &input, &mut ws.fixed_rows);
     report.rows = report.rows.and(bodies::rows(world, tool, &motion, state, ws));
+    pose_problem(world, ws);
+}
+
+/// The contact problem of the rows at hand, without its compliance: the law and the free gap of each.
+pub(super) fn pose_problem(world: &World, ws: &mut StepWorkspace) {
+    let law = world.description().contact.contact_law();
     // As many rows as the capacity was made for: the reset cannot fail, and an empty problem is a safe one if it did.
     if ws.problem.reset(ws.rows.len()).is_err() {
         ws.rows.clear();

@@ -160,6 +160,11 @@ impl StepWorkspace {
         self.lambda.get(..self.rows.len()).unwrap_or(&[])
     }
 
+    /// Motion of the free nodes by the contact forces of the last step in contact, `Δv = h A⁻¹ Hᵀ λ` (m/s).
+    pub fn correction(&self) -> &[f64] {
+        &self.correction
+    }
+
     /// Rows of the last step that belong to the tool: the first of all.
     pub(super) fn tool_rows(&self) -> usize {
         self.rigid.tool_blocks.checked_sub(1).and_then(|last| self.rows.blocks.get(last)).map_or(0, |b| b.range().end)
@@ -181,7 +186,8 @@ impl StepWorkspace {
     }
 
     /// Precomputes what the plan wants of the first factor; called with it before the first step.
-    pub(crate) fn precompute(&mut self, world: &World, first: &FactorSample) {
+    #[doc(hidden)]
+    pub fn precompute(&mut self, world: &World, first: &FactorSample) {
         self.first = FirstInverse::new(world, first, &mut self.compliance);
     }
 

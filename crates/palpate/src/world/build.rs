@@ -19,7 +19,7 @@ use super::outside::Basis;
 use super::pairs::apart;
 use super::precomputed::skin_nodes;
 use super::{Bodies, CouplingChoice, Integration, Plan, World, change};
-use crate::scene::{Scene, SceneError, staleness};
+use crate::scene::{Readable, Scene, SceneError, staleness};
 
 /// Nodes that a change from outside may touch for a factor to follow it at once: a clamp, or a cut through some sixty
 /// elements. What touches more waits for the next factor.
@@ -105,7 +105,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     let symbolic = Arc::new(symbolic);
     let integration = Integration::new(scene, &model, &symbolic, 1.0 / description.rates.step)?;
     let skin = skin_nodes(&model, &surface).len();
-    let plan = Plan::new(description, &integration, &symbolic, skin);
+    let plan = Plan::new(description, &integration, &symbolic, model.pattern(), skin);
     let contact = &description.contact;
     let detection = DetectionConfig {
         kind: contact.at,
@@ -167,8 +167,12 @@ fn with_changes(
     let last = course.last().cloned().unwrap_or_else(whole);
     let seconds = world.description().seconds;
     let late = course.iter().filter(|stretch| stretch.time >= seconds);
-    let late: Vec<_> =
-        late.map(|s| format!("the event at {} s is after the end of the run, {seconds} s", s.time)).collect();
+    let late: Vec<_> = late
+        .map(|s| {
+            let [event, end] = [s.time, seconds].map(Readable);
+            format!("the event at {event} s is after the end of the run, {end} s")
+        })
+        .collect();
     world.warnings.extend(late);
     let later = change::bodies(&world, &config, course)?;
     let unknown = if outside { MOST_TOUCHED } else { 0 };

@@ -11,6 +11,8 @@ use std::fmt;
 
 use serde::Serialize;
 
+use crate::scene::Readable;
+
 /// Steps in a row that the rung below would have to meet the accuracy in: half a second at 30 Hz.
 pub const CALM_STEPS: u32 = 15;
 
@@ -87,6 +89,6 @@ impl Ladder {
 impl fmt::Display for Ladder {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let names: Vec<_> = self.rungs.iter().map(|rung| rung.name()).collect();
-        write!(f, "accuracy {} by the cheapest of: {}", self.accuracy, names.join(" < "))
+        write!(f, "accuracy {} by the cheapest of: {}", Readable(self.accuracy), names.join(" < "))
     }
 }

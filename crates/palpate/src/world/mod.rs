@@ -14,6 +14,7 @@ mod outside;
 mod pairs;
 mod plan;
 mod precomputed;
+mod sampling;
 mod selection;
 mod text;
 mod tool;
@@ -49,8 +50,10 @@ pub(crate) use outside::ChangeMaker;
 pub use outside::{ChangeError, ChangeRequest};
 pub use pairs::{Far, Near, Pair};
 pub use plan::Plan;
+pub(crate) use plan::is_constant;
 pub use precomputed::Precomputed;
-pub(crate) use precomputed::skin_nodes;
+use precomputed::skin_nodes;
+pub use sampling::Sampling;
 
 /// Most contacts of fixed and rigid bodies in one step: their compliance then takes 72 MB.
 const MOST_CONTACTS: usize = 1000;
@@ -229,6 +232,11 @@ impl World {
     /// After an event: for each element its number in the scene's mesh. `None` for the whole body.
     pub fn left(&self) -> Option<&[u32]> {
         self.left.as_deref()
+    }
+
+    /// Free nodes of the skin, ascending: those between which the inverse of the first matrix is precomputed.
+    pub fn free_skin(&self) -> Vec<u32> {
+        skin_nodes(&self.model, &self.surface)
     }
 
     /// What is odd but no mistake.

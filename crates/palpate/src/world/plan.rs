@@ -10,8 +10,10 @@ use palpate_constraints::compliance::{ComplianceMethod, MotionCorrection};
 use palpate_fem::element::ElementKind;
 use palpate_fem::factor::SymbolicFactor;
 use palpate_fem::material::Material;
+use palpate_fem::sparse::BlockPattern;
 
-use super::{Integration, Ladder, Precomputed, Rung};
+use super::sampling;
+use super::{Integration, Ladder, Precomputed, Rung, Sampling};
 use crate::scene::{BodyDescription, Refactor, SceneDescription};
 
 /// Operations per second of a factorisation on one core of the nominal machine.
@@ -30,12 +32,6 @@ const FACTOR_SHARE: f64 = 0.4;
 /// the factor.
 const SOLVES_OF_NODE: f64 = 1.0;
 
-/// Fewest iterations in which a column of the compliance is worth being compared: fewer seldom converge.
-const FEWEST_SAMPLE_ITERATIONS: usize = 6;
-
-/// Most iterations that a comparison is given.
-const MOST_SAMPLE_ITERATIONS: usize = 100;
-
 /// The methods of a run, and why.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
@@ -52,8 +48,8 @@ pub struct Plan {
     pub ladder: Option<Ladder>,
     /// The inverse of the first matrix between the nodes of the skin, where a method asks for it.
     pub precomputed: Option<Precomputed>,
-    /// Iterations granted to the comparison of a column of `W`; 0 where none is compared.
-    pub sample_iterations: usize,
+    /// When a column of `W` is compared with the exact one.
+    pub sampling: Sampling,
     /// Predicted time of a factorisation (s).
     pub factorization: f64,
     /// Predicted time of a solve with the factor (s).
@@ -68,6 +64,7 @@ impl Plan {
         scene: &SceneDescription,
         integration: &Integration,
         symbolic: &SymbolicFactor,
+        pattern: &BlockPattern,
         skin: usize,
     ) -> Self {
         let body = &scene.bodies[0];
@@ -98,20 +95,15 @@ impl Plan {
         if let Some(precomputed) = &precomputed {
             reason = format!("{reason}; {}", precomputed.text());
         }
-        let affordable = (body.error_sampling * dt / solve) as usize;
-        let enough = affordable >= FEWEST_SAMPLE_ITERATIONS && linearised;
-        Self {
-            compliance,
-            refactor,
-            correction: if linearised { body.correction } else { MotionCorrection::default() },
-            constant,
-            ladder,
-            precomputed,
-            sample_iterations: if enough { affordable.min(MOST_SAMPLE_ITERATIONS) } else { 0 },
-            factorization,
-            solve,
-            reason,
-        }
+        let correction = if linearised { body.correction } else { MotionCorrection::default() };
+        let iteration = sampling::iteration(symbolic, pattern);
+        let sampling = match correction {
+            _ if !linearised => Sampling::none(iteration),
+            // Nothing else tells how wrong the compliance is.
+            MotionCorrection::Matching if ladder.is_some() => Sampling::always(iteration),
+            _ => Sampling::within(body.error_sampling * dt, iteration),
+        };
+        Self { compliance, refactor, correction, constant, ladder, precomputed, sampling, factorization, solve, reason }
     }
 
     /// Most nodes that an event may touch for a factor to follow it by an update in a step of `dt` (s): one that takes no
@@ -209,7 +201,7 @@ fn choose(body: &BodyDescription, dt: f64, factorization: f64, constant: bool) -
 }
 
 /// Whether the stiffness depends on nothing that moves. Averaged and viscous elements are left to the general case.
-fn is_constant(body: &BodyDescription) -> bool {
+pub(crate) fn is_constant(body: &BodyDescription) -> bool {
     let mut tissues = body.regions.values().chain([&body.material]);
     body.element != ElementKind::Averaged
         && tissues.all(|tissue| matches!(tissue.law, Material::Linear(_)) && tissue.viscosity.is_empty())

@@ -47,7 +47,7 @@ impl Precomputed {
 }
 
 /// Free nodes of the skin, ascending.
-pub(crate) fn skin_nodes(model: &FemModel, surface: &Surface) -> Vec<u32> {
+pub(super) fn skin_nodes(model: &FemModel, surface: &Surface) -> Vec<u32> {
     let free = model.free_of_node();
     let of_skin = surface.triangles.iter().flatten();
     let mut nodes: Vec<u32> = of_skin.map(|&node| free[node as usize]).filter(|&node| node != FIXED).collect();

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use palpate_fem::sparse::FIXED;
 
 use super::{Integration, World};
-use crate::scene::{BodyDescription, ContactMethod};
+use crate::scene::{BodyDescription, ContactMethod, Readable};
 
 impl World {
     /// How contact forces are found at step rate, with the parameters of the method.
@@ -13,9 +13,15 @@ impl World {
         let contact = &self.description().contact;
         let penalty = contact.penalty.unwrap_or_default();
         match (contact.method, penalty.stiffness) {
-            (ContactMethod::Penalty, Some(k)) => format!("penalty ({k} N/m, damping {} s)", penalty.damping),
+            (ContactMethod::Penalty, Some(k)) => {
+                format!("penalty ({} N/m, damping {} s)", Readable(k), Readable(penalty.damping))
+            }
             (ContactMethod::Penalty, None) => {
-                format!("penalty ({} times the body's stiffness, damping {} s)", penalty.multiple, penalty.damping)
+                format!(
+                    "penalty ({} times the body's stiffness, damping {} s)",
+                    Readable(penalty.multiple),
+                    Readable(penalty.damping)
+                )
             }
             (method, _) => method.name().into(),
         }
@@ -57,13 +63,15 @@ impl World {
             let _ = writeln!(text, "  region {name}: {count} tetrahedra, {}", material_of(body, name));
         }
         let _ = writeln!(text, "  dihedral angles {:.1}° to {:.1}°", q.dihedral[0], q.dihedral[2]);
-        let mass = body.total_mass.map_or(format!("{} kg/m³", body.density), |m| format!("{m} kg in equal shares"));
-        let [x, y, z] = d.gravity;
+        let mass = body
+            .total_mass
+            .map_or(format!("{} kg/m³", Readable(body.density)), |m| format!("{} kg in equal shares", Readable(m)));
+        let [x, y, z] = d.gravity.map(Readable);
         let _ = writeln!(
             text,
             "  {mass}; Rayleigh damping {} 1/s by mass, {} s by stiffness; gravity [{x}, {y}, {z}] m/s², {}",
-            body.rayleigh_mass,
-            body.rayleigh_stiffness,
+            Readable(body.rayleigh_mass),
+            Readable(body.rayleigh_stiffness),
             self.beginning(),
         );
         let on = |on: bool| if on { "on" } else { "off" };
@@ -88,7 +96,7 @@ impl World {
             c.law_in_words()
         );
         for change in &self.changes {
-            let _ = writeln!(text, "event at {} s: {}", change.time(), change.text());
+            let _ = writeln!(text, "event at {} s: {}", Readable(change.time()), change.text());
         }
         let _ = writeln!(text, "solver: {}", one_line(&d.solver));
         let _ = writeln!(text, "tick: {}", self.tick_method());
@@ -97,9 +105,9 @@ impl World {
         let _ = writeln!(
             text,
             "rates: step {} Hz, factor {} Hz, tick {} Hz; compliance {}",
-            d.rates.step,
-            d.rates.factor,
-            d.rates.tick,
+            Readable(d.rates.step),
+            Readable(d.rates.factor),
+            Readable(d.rates.tick),
             match self.integration {
                 Integration::BackwardEuler => self.plan.compliance.name(),
                 Integration::Newton(_) => "of the step's own matrix",
@@ -114,7 +122,7 @@ impl World {
             self.symbolic.flops() / 1e6,
             d.device.kind,
             d.hand.preset,
-            d.seconds
+            Readable(d.seconds)
         );
         text
     }
@@ -126,7 +134,7 @@ fn material_of(body: &BodyDescription, region: &str) -> String {
     for (k, term) in tissue.viscosity.iter().enumerate() {
         let lead = if k == 0 { "; of the shear modulus relax" } else { "," };
         // Writing to a string cannot fail.
-        let _ = write!(text, "{lead} {:.1} % in {} s", 100.0 * term.modulus, term.time);
+        let _ = write!(text, "{lead} {:.1} % in {} s", 100.0 * term.modulus, Readable(term.time));
     }
     text
 }

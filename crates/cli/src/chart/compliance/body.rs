@@ -1,15 +1,13 @@
 //! The bundled organ in several sizes and stiffness ratios, and how it moves before a step.
 
 use miette::{Result, miette};
-use nalgebra::{Isometry3, Matrix3, Rotation3, Vector3};
+use nalgebra::{Isometry3, Rotation3, Vector3};
 use palpate::collision::shape::ToolShape;
 use palpate::constraints::compliance::ComplianceMethod;
 use palpate::constraints::frame::ContactFrame;
 use palpate::fem::material::Material;
-use palpate::fem::nodal_rows::NodalRows;
-use palpate::fem::sparse::FIXED;
 use palpate::prelude::*;
-use palpate::step::StepStatus;
+use palpate::step::{GivenContact, StepStatus};
 
 /// Steps of a motion: the oldest factor is that of its begin.
 pub(crate) const STEPS: usize = 30;
@@ -51,15 +49,14 @@ impl Motion {
     }
 }
 
-/// The organ with cells of this size (m); its lesion as stiff as the rest, or `ratio` times stiffer.
-pub(crate) fn organ(cell: f64, ratio: f64) -> Result<World> {
+/// The scene of the organ with cells of this size (m); its lesion as stiff as the rest, or `ratio` times stiffer.
+pub(crate) fn organ(cell: f64, ratio: f64) -> Result<Scene> {
     let mut scene = Scene::bundled("liver").map_err(|e| miette!("{e}"))?;
     scene.use_cell(cell).map_err(|e| miette!("{e}"))?;
     let mut trouble = None;
     scene
         .edit(|description| {
             let body = &mut description.bodies[0];
-            body.compliance = ComplianceMethod::Exact;
             body.regions.retain(|name, _| name == "lesion");
             for tissue in body.regions.values_mut() {
                 match Material::from_young_poisson("neo_hookean", 6e3 * ratio, 0.45) {
@@ -74,7 +71,22 @@ pub(crate) fn organ(cell: f64, ratio: f64) -> Result<World> {
             description.hand.path.iter_mut().for_each(|key| key.position[1] -= BALL);
         })
         .map_err(|e| miette!("{e}"))?;
-    trouble.map_or(Ok(()), Err)?;
+    trouble.map_or(Ok(scene), Err)
+}
+
+/// The organ by a method of compliance, with what else `change` says.
+pub(crate) fn world(
+    organ: &Scene,
+    compliance: ComplianceMethod,
+    change: impl FnOnce(&mut SceneDescription),
+) -> Result<World> {
+    let mut scene = organ.clone();
+    scene
+        .edit(|description| {
+            description.bodies[0].compliance = compliance;
+            change(description);
+        })
+        .map_err(|e| miette!("{e}"))?;
     scene.build().map_err(|e| miette!("{e}"))
 }
 
@@ -123,44 +135,23 @@ fn nearest_skin(world: &World, to: &Vector3<f64>) -> Vector3<f64> {
     skin.min_by(|a, b| (a - to).norm().total_cmp(&(b - to).norm())).unwrap_or(*to)
 }
 
-/// Rows of [`CONTACTS`] frictional contacts on the free skin nearest to where the hand begins, at positions `q`, and their
-/// gaps (m).
-pub(crate) fn contacts(world: &World, q: &[Vector3<f64>]) -> (NodalRows, Vec<f64>) {
+/// [`CONTACTS`] contacts of the free skin nearest to where the hand begins, at positions `q`.
+pub(crate) fn contacts(world: &World, q: &[Vector3<f64>]) -> Vec<GivenContact> {
     let mut normals = vec![Vector3::zeros(); q.len()];
     for t in &world.surface().triangles {
         let [a, b, c] = t.map(|n| q[n as usize]);
         t.iter().for_each(|&n| normals[n as usize] += (b - a).cross(&(c - a)));
     }
     let hand = world.first_pose().translation.vector;
-    let free = world.model().free_of_node();
     let rest = &world.mesh().nodes;
-    let mut skin: Vec<usize> = (0..q.len()).filter(|&n| normals[n] != Vector3::zeros() && free[n] != FIXED).collect();
-    skin.sort_by(|&a, &b| (rest[a] - hand).norm().total_cmp(&(rest[b] - hand).norm()));
+    let node = |free: u32| world.model().node_of_free()[free as usize] as usize;
+    let mut skin = world.free_skin();
+    skin.sort_by(|&a, &b| (rest[node(a)] - hand).norm().total_cmp(&(rest[node(b)] - hand).norm()));
     skin.truncate(CONTACTS);
-    let mut rows = NodalRows::with_capacity(3 * CONTACTS, 1);
-    let mut gaps = Vec::new();
-    for &n in &skin {
+    let contact = |free: u32| {
         // From the tool to the tissue: into the skin.
-        let frame = ContactFrame::new(-normals[n].normalize());
-        for (direction, gap) in frame.directions().into_iter().zip([GAP, 0.2 * GAP, 0.0]) {
-            rows.push_row([(free[n], direction)]);
-            gaps.push(gap);
-        }
-    }
-    (rows, gaps)
-}
-
-/// Free nodes of the skin.
-pub(crate) fn skin(world: &World) -> Vec<u32> {
-    let free = world.model().free_of_node();
-    let mut nodes: Vec<u32> = world.surface().triangles.iter().flatten().map(|&node| free[node as usize]).collect();
-    nodes.sort_unstable();
-    nodes.dedup();
-    nodes.retain(|&node| node != FIXED);
-    nodes
-}
-
-/// No rotations.
-pub(crate) fn unturned(world: &World) -> Vec<Matrix3<f64>> {
-    vec![Matrix3::identity(); world.model().free_nodes()]
+        let frame = ContactFrame::new(-normals[node(free)].normalize());
+        GivenContact { node: free, frame, delta_free: [GAP, 0.2 * GAP, 0.0] }
+    };
+    skin.into_iter().map(contact).collect()
 }

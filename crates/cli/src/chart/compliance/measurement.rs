@@ -1,246 +1,173 @@
-//! One step by each method: its time, and the error of forces and motion against those of the step's own matrix.
-
-use std::sync::Arc;
+//! One step of a run by each method: its time, and the error of forces and motion against those of the step's own matrix.
 
 use cpu_time::ThreadTime;
 use miette::{Result, miette};
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use palpate::constraints::compliance::{self, ComplianceMethod, ComplianceWorkspace, WarpedInverse};
-use palpate::constraints::law::Coulomb;
-use palpate::constraints::precomputed::{PrecomputedInverse, PrecomputedWorkspace};
-use palpate::constraints::surface_inverse::SurfaceInverse;
+use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
+use palpate::constraints::compliance::{ComplianceMethod, MotionCorrection};
 use palpate::fem::assembly::{FemWorkspace, assemble};
-use palpate::fem::factor::{Factor, FactorStatus, ReachWorkspace, SolveWorkspace};
 use palpate::fem::model::FemState;
-use palpate::fem::nodal_rows::NodalRows;
-use palpate::fem::pcg::{PcgConfig, PcgWorkspace, pcg};
-use palpate::fem::preconditioner::WarpedPreconditioner;
-use palpate::fem::rotation::nodal_rotations;
 use palpate::prelude::*;
-use palpate::solver::problem::ConstraintProblem;
-use palpate::solver::solver::{Solver, SolverWorkspace};
+use palpate::refresh::FactorSample;
+use palpate::step::{GivenContact, StepInput, StepReport, StepState, StepStatus, StepWorkspace, step_at};
 
-use super::body::{STEPS, contacts, skin, unturned};
-use super::method::{Correction, Method, Outcome, Source};
+use super::body::{STEPS, contacts, world};
+use super::method::{CORRECTIONS, Method, Outcome, Source};
 
-/// Coefficient of friction.
-const FRICTION: f64 = 0.3;
+/// Tolerance of the reference's solves: far below the errors that are looked for.
+const TIGHT: f64 = 1e-10;
 
-/// The contact solver's tolerance: far below the errors that are looked for.
-const TOLERANCE: f64 = 1e-10;
+/// Most sweeps and iterations of the reference.
+const MOST: u32 = 100_000;
 
-/// The factor of an old matrix, and what was precomputed from it.
-pub(crate) struct Old {
-    pub(crate) factor: Factor,
-    pub(crate) surface: Option<SurfaceInverse>,
+/// The organ as a scene would name each method.
+pub(crate) struct Worlds {
+    reference: World,
+    pub(crate) exact: World,
+    /// With the factor of an earlier step, by [`CORRECTIONS`].
+    asynchronous: [World; 2],
+    /// Gathered from the precomputed inverse, by the same.
+    pub(crate) gathered: [World; 2],
 }
 
-/// A step of a body, ready to be taken by every method.
+impl Worlds {
+    pub(crate) fn new(organ: &Scene) -> Result<Self> {
+        let of = |compliance, correction| {
+            world(organ, compliance, |description| {
+                description.bodies[0].correction = correction;
+                // the inverse between the nodes of the skin of any size
+                description.bodies[0].surface_memory = f64::MAX;
+            })
+        };
+        let both =
+            |compliance| Ok::<_, miette::Report>([of(compliance, CORRECTIONS[0])?, of(compliance, CORRECTIONS[1])?]);
+        let tight = |description: &mut SceneDescription| {
+            (description.bodies[0].tolerance, description.bodies[0].max_iterations) = (TIGHT, MOST as usize);
+            (description.solver.tolerance, description.solver.max_sweeps) = (TIGHT, MOST);
+        };
+        Ok(Self {
+            reference: world(organ, ComplianceMethod::Exact, tight)?,
+            exact: of(ComplianceMethod::Exact, MotionCorrection::Exact)?,
+            asynchronous: both(ComplianceMethod::Asynchronous)?,
+            gathered: both(ComplianceMethod::Warped)?,
+        })
+    }
+
+    fn of(&self, method: Option<Method>) -> &World {
+        let Some(method) = method else { return &self.exact };
+        let worlds = if method.source == Source::Gathered { &self.gathered } else { &self.asynchronous };
+        let place = CORRECTIONS.iter().position(|correction| *correction == method.correction);
+        &worlds[place.unwrap_or(0)]
+    }
+}
+
+/// A step after a path, ready to be taken by every method.
 pub(crate) struct Step<'w> {
-    world: &'w World,
+    worlds: &'w Worlds,
     path: &'w [Vec<Vector3<f64>>],
+    contacts: Vec<GivenContact>,
     fem: FemWorkspace,
-    rows: NodalRows,
-    problem: ConstraintProblem,
-    solver: Solver,
-    solver_ws: SolverWorkspace,
-    reach: ComplianceWorkspace<PrecomputedWorkspace>,
-    solve: SolveWorkspace,
-    pcg: PcgWorkspace,
-    rotations: Vec<Matrix3<f64>>,
-    v_free: Vec<f64>,
-    lambda: Vec<f64>,
-    before: Vec<f64>,
-    motion: Vec<f64>,
-    correction: Vec<f64>,
-    load: Vec<f64>,
     /// Compliance, forces and correction of the step's own matrix.
     exact: (DMatrix<f64>, DVector<f64>, Vec<f64>),
 }
 
 impl<'w> Step<'w> {
     /// The step after the path, with its exact solution.
-    pub(crate) fn new(world: &'w World, path: &'w [Vec<Vector3<f64>>]) -> Result<Self> {
-        let (rows, gaps) = contacts(world, &path[STEPS]);
-        let m = rows.len();
-        let mut problem = ConstraintProblem::with_capacity(m);
-        problem.reset(m).map_err(|e| miette!("{e}"))?;
-        (0..m / 3).for_each(|_| problem.push_block(Coulomb { friction: FRICTION }.into()));
-        problem.delta_free_mut().copy_from_slice(&gaps);
-        let solver = Solver::from_name("gauss_seidel").ok_or_else(|| miette!("there is no such solver"))?;
-        let solver = solver.limited(TOLERANCE, Some(100_000));
-        let free = 3 * world.model().free_nodes();
-        let reach = ReachWorkspace::new(world.symbolic(), m);
-        let inverse = PrecomputedWorkspace::new(reach, SolveWorkspace::new(world.symbolic()));
+    pub(crate) fn new(worlds: &'w Worlds, path: &'w [Vec<Vector3<f64>>]) -> Result<Self> {
+        let world = &worlds.reference;
         let mut step = Self {
-            world,
+            worlds,
             path,
+            contacts: contacts(world, &path[STEPS]),
             fem: FemWorkspace::new(world.model()),
-            problem,
-            solver,
-            solver_ws: solver.workspace(m),
-            reach: ComplianceWorkspace::new(m, inverse),
-            solve: SolveWorkspace::new(world.symbolic()),
-            pcg: PcgWorkspace::new(world.model().free_nodes()),
-            rotations: unturned(world),
-            v_free: vec![0.0; free],
-            lambda: vec![0.0; m],
-            before: vec![0.0; m],
-            motion: vec![0.0; free],
-            correction: vec![0.0; free],
-            load: vec![0.0; free],
-            exact: (DMatrix::zeros(m, m), DVector::zeros(m), vec![0.0; free]),
-            rows,
+            exact: (DMatrix::zeros(0, 0), DVector::zeros(0), Vec::new()),
         };
-        step.assemble(STEPS);
-        let mut own = step.old(STEPS, false)?;
-        step.take(&mut own, None);
-        let view = step.problem.view();
-        let w = DMatrix::from_fn(m, m, |i, j| view.column(j)[i]);
-        step.exact = (w, DVector::from_column_slice(&step.lambda), step.correction.clone());
+        let own = step.factor(0)?;
+        let mut ws = step.workspace(world, None);
+        step.take(world, &own, &mut ws)?;
+        let view = ws.problem().view();
+        let w = DMatrix::from_fn(view.rows(), view.rows(), |i, j| view.column(j)[i]);
+        step.exact = (w, DVector::from_column_slice(ws.forces()), ws.correction().to_vec());
         Ok(step)
     }
 
     fn state(&self, k: usize) -> FemState {
-        let mut state = self.world.model().rest_state();
+        let world = &self.worlds.exact;
+        let mut state = world.model().rest_state();
         let (now, before) = (&self.path[k], &self.path[k.saturating_sub(1)]);
         state.q.clone_from(now);
         for ((v, now), before) in state.v.iter_mut().zip(now).zip(before) {
-            *v = (now - before) / self.world.dt();
+            *v = (now - before) / world.dt();
         }
         state
     }
 
-    /// Matrix and right side at step `k` of the path.
-    fn assemble(&mut self, k: usize) {
-        assemble(self.world.model(), &self.state(k), self.world.dt(), &[], &mut self.fem);
+    /// The factor of the matrix that is `age` steps old, as the factor thread makes it.
+    pub(crate) fn factor(&mut self, age: usize) -> Result<FactorSample> {
+        let (world, k) = (&self.worlds.exact, STEPS - age);
+        assemble(world.model(), &self.state(k), world.dt(), &[], &mut self.fem);
+        let time = k as f64 * world.dt();
+        FactorSample::new(world.symbolic(), 0, k as u64, time, &self.path[k], &self.fem.system)
+            .map_err(|status| miette!("step {k} has no factor: {status:?}"))
     }
 
-    /// Memory for the factor of the step itself.
-    pub(crate) fn own(&self) -> Old {
-        Old { factor: Factor::new(Arc::clone(self.world.symbolic())), surface: None }
-    }
-
-    /// The factor of the matrix at step `k`, and the inverse between the nodes of the skin where wanted; leaves the matrix of
-    /// the measured step behind.
-    pub(crate) fn old(&mut self, k: usize, precompute: bool) -> Result<Old> {
-        self.assemble(k);
-        // As the factor thread makes it: conjugate gradients read it in 16 bits.
-        let mut factor = Factor::with_packed_copy(Arc::clone(self.world.symbolic()));
-        let status = factor.refactor(&self.fem.system).status;
-        self.assemble(STEPS);
-        if status != FactorStatus::Ok {
-            return Err(miette!("step {k} has no factor: {status:?}"));
-        }
-        let invert = || SurfaceInverse::new(&factor, &skin(self.world), usize::MAX).map_err(|e| miette!("{e}"));
-        let surface = precompute.then(invert).transpose()?;
-        if let Some(surface) = &surface {
-            self.reach.inverse_mut().make_room_for(surface);
-        }
-        Ok(Old { factor, surface })
-    }
-
-    /// The step by a method (`None`: the exact one, which factors first), several times for its time.
-    pub(crate) fn measure(&mut self, old: &mut Old, method: Option<Method>, times: usize) -> Outcome {
+    /// The step by a method (`None`: the exact one, which factors first) with a factor, several times for its time.
+    pub(crate) fn measure(&self, method: Option<Method>, factor: &FactorSample, times: usize) -> Result<Outcome> {
+        let world = self.worlds.of(method);
+        let gathered = method.is_some_and(|method| method.source == Source::Gathered);
+        let mut ws = self.workspace(world, gathered.then_some(factor));
         let mut durations = Vec::with_capacity(times);
-        let mut iterations = [0; 2];
-        for _ in 0..times.max(1) {
-            let begin = ThreadTime::now();
-            iterations = self.take(old, method);
-            durations.push(begin.elapsed().as_secs_f64());
+        let (mut report, time) = self.take(world, factor, &mut ws)?;
+        durations.push(time);
+        for _ in 1..times {
+            let time;
+            (report, time) = self.take(world, factor, &mut ws)?;
+            durations.push(time);
         }
         durations.sort_by(f64::total_cmp);
         let (w, lambda, correction) = &self.exact;
-        let wrong = DVector::from_column_slice(&self.lambda) - lambda;
+        let wrong = DVector::from_column_slice(ws.forces()) - lambda;
         let energy = |x: &DVector<f64>| x.dot(&(w * x)).max(0.0).sqrt();
         let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>().sqrt();
-        let missed = norm(&mut self.correction.iter().zip(correction).map(|(a, b)| a - b));
-        Outcome {
+        let missed = norm(&mut ws.correction().iter().zip(correction).map(|(a, b)| a - b));
+        Ok(Outcome {
             force: energy(&wrong) / energy(lambda),
             motion: missed / norm(&mut correction.iter().copied()),
-            imbalance: self.imbalance(),
-            iterations,
+            imbalance: imbalance(&ws, world.dt()),
+            refined: report.error.refined,
+            iterations: [report.free_motion.iterations, report.error.correction_iterations as usize],
             time: durations[durations.len() / 2],
-        }
+        })
     }
 
-    /// What the last correction misses of the equations of motion.
-    fn imbalance(&self) -> f64 {
-        let (mut load, mut moved) = (vec![0.0; self.load.len()], vec![0.0; self.load.len()]);
-        self.rows.add_transposed(&self.lambda, &mut load);
-        load.iter_mut().for_each(|b| *b *= self.world.dt());
-        self.fem.system.multiply(&self.correction, &mut moved);
-        let missed: f64 = moved.iter().zip(&load).map(|(a, b)| (a - b) * (a - b)).sum();
-        (missed / load.iter().map(|b| b * b).sum::<f64>()).sqrt()
+    /// Memory of the step with its system in place, and with what is precomputed from `first`.
+    fn workspace(&self, world: &World, first: Option<&FactorSample>) -> StepWorkspace {
+        let mut ws = StepWorkspace::new(world);
+        first.iter().for_each(|first| ws.precompute(world, first));
+        assemble(world.model(), &self.state(STEPS), world.dt(), &[], &mut ws.fem);
+        ws
     }
 
-    /// Free motion, compliance, forces and correction; the iterations that they took.
-    fn take(&mut self, old: &mut Old, method: Option<Method>) -> [usize; 2] {
-        let Old { factor, surface } = old;
-        let dt = self.world.dt();
-        match method {
-            None => {
-                factor.refactor(&self.fem.system);
-                self.rotations.fill(Matrix3::identity());
-            }
-            Some(method) if method.source != Source::Unwarped => {
-                let from = &self.path[STEPS - method.age];
-                nodal_rotations(self.world.model(), from, &self.path[STEPS], &mut self.rotations);
-            }
-            Some(_) => self.rotations.fill(Matrix3::identity()),
+    /// The step of a run after its assembly, at the given contacts, and the time (s) that this core works for it.
+    fn take(&self, world: &World, factor: &FactorSample, ws: &mut StepWorkspace) -> Result<(StepReport, f64)> {
+        let mut state = StepState::new(world, self.state(STEPS));
+        let input = StepInput { time: STEPS as f64 * world.dt(), tool: Isometry3::identity().into(), factor };
+        let begin = ThreadTime::now();
+        let report = step_at(world, &input, &self.contacts, &mut state, ws);
+        let time = begin.elapsed().as_secs_f64();
+        if report.status != StepStatus::Advanced || !report.compliance.usable {
+            return Err(miette!("the measured step failed: {:?}", report.status));
         }
-        let config = PcgConfig { relative_tolerance: 1e-6, max_iterations: 500 };
-        let system = &self.fem.system;
-        let mut preconditioner =
-            WarpedPreconditioner { factor, rotations: &self.rotations, workspace: &mut self.solve };
-        self.v_free.fill(0.0);
-        let free = pcg(system, &self.fem.rhs, &mut self.v_free, &mut preconditioner, config, &mut self.pcg);
-        let gathered = method.is_some_and(|method| method.source == Source::Gathered);
-        // Those of a factor of the step itself, or of an unwarped one, are none.
-        let inverse = PrecomputedInverse { factor, surface: surface.as_ref().filter(|_| gathered) };
-        let warped = WarpedInverse::new(ComplianceMethod::Asynchronous, inverse, &self.rotations);
-        compliance::assemble(warped, &self.rows, dt, self.problem.compliance_mut(), &mut self.reach);
-        self.lambda.fill(0.0);
-        self.solver.solve(&self.problem.view(), &mut self.lambda, &mut self.solver_ws);
-        compliance::correct(warped, &self.lambda, dt, &mut self.correction, &mut self.reach);
-        let correction = method.map_or(Correction::Matching, |method| method.correction);
-        let mut corrected = 0;
-        if correction != Correction::Matching {
-            corrected += self.correct_exactly(factor, config);
-        }
-        if correction == Correction::Refined {
-            corrected += self.refine(inverse, config);
-        }
-        [free.iterations, corrected]
+        Ok((report, time))
     }
+}
 
-    /// `A Δv = h Hᵀ λ`, from the correction at hand; the iterations.
-    fn correct_exactly(&mut self, factor: &Factor, config: PcgConfig) -> usize {
-        self.load.fill(0.0);
-        self.rows.add_transposed(&self.lambda, &mut self.load);
-        let dt = self.world.dt();
-        self.load.iter_mut().for_each(|b| *b *= dt);
-        let mut preconditioner =
-            WarpedPreconditioner { factor, rotations: &self.rotations, workspace: &mut self.solve };
-        pcg(&self.fem.system, &self.load, &mut self.correction, &mut preconditioner, config, &mut self.pcg).iterations
-    }
-
-    /// The forces once more with `(W_A - W) λ` added to the gaps, and the exact motion under them, as a run does.
-    fn refine(&mut self, inverse: PrecomputedInverse<'_>, config: PcgConfig) -> usize {
-        let dt = self.world.dt();
-        let view = self.problem.view();
-        let expected = |r: usize| view.column(r).iter().zip(&self.lambda).map(|(w, l)| w * l).sum::<f64>();
-        let shift: Vec<f64> =
-            (0..self.rows.len()).map(|r| dt * self.rows.dot(r, &self.correction) - expected(r)).collect();
-        self.before.copy_from_slice(&self.lambda);
-        self.motion.copy_from_slice(&self.correction);
-        self.problem.delta_free_mut().iter_mut().zip(&shift).for_each(|(gap, shift)| *gap += shift);
-        self.solver.solve(&self.problem.view(), &mut self.lambda, &mut self.solver_ws);
-        self.problem.delta_free_mut().iter_mut().zip(&shift).for_each(|(gap, shift)| *gap -= shift);
-        self.before.iter_mut().zip(&self.lambda).for_each(|(before, now)| *before = now - *before);
-        let warped = WarpedInverse::new(ComplianceMethod::Asynchronous, inverse, &self.rotations);
-        compliance::correct(warped, &self.before, dt, &mut self.correction, &mut self.reach);
-        self.correction.iter_mut().zip(&self.motion).for_each(|(motion, before)| *motion += before);
-        self.correct_exactly(inverse.factor, config)
-    }
+/// What the last correction misses of the equations of motion, `‖A Δv - h Hᵀ λ‖ / ‖h Hᵀ λ‖`.
+fn imbalance(ws: &StepWorkspace, dt: f64) -> f64 {
+    let correction = ws.correction();
+    let (mut load, mut moved) = (vec![0.0; correction.len()], vec![0.0; correction.len()]);
+    ws.rows().tissue.add_transposed(ws.forces(), &mut load);
+    load.iter_mut().for_each(|b| *b *= dt);
+    ws.fem.system.multiply(correction, &mut moved);
+    let missed: f64 = moved.iter().zip(&load).map(|(a, b)| (a - b) * (a - b)).sum();
+    (missed / load.iter().map(|b| b * b).sum::<f64>()).sqrt()
 }

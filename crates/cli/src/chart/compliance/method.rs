@@ -1,28 +1,10 @@
 //! The methods that are compared, and what a step by one of them came to.
 
-/// How the contact forces move the body, and what the motion tells about them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Correction {
-    /// By the inverse that gave `W`.
-    Matching,
-    /// By the step's own matrix.
-    Exact,
-    /// By the step's own matrix, and the forces once more for what that motion opens: what a run does.
-    Refined,
-}
+use palpate::constraints::compliance::MotionCorrection;
 
-impl Correction {
-    pub(crate) const ALL: [Self; 3] = [Self::Matching, Self::Exact, Self::Refined];
-
-    /// In a word.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Matching => "matching",
-            Self::Exact => "exact",
-            Self::Refined => "refined",
-        }
-    }
-}
+/// How the contact forces move the body: both choices of a scene. Where the exact one finds that `W` misses what the forces
+/// open, the step refines these.
+pub(crate) const CORRECTIONS: [MotionCorrection; 2] = [MotionCorrection::Matching, MotionCorrection::Exact];
 
 /// Where `W` comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,7 +32,7 @@ impl Source {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Method {
     pub(crate) source: Source,
-    pub(crate) correction: Correction,
+    pub(crate) correction: MotionCorrection,
     pub(crate) age: usize,
 }
 
@@ -63,6 +45,8 @@ pub(crate) struct Outcome {
     pub(crate) motion: f64,
     /// What the correction misses of the equations of motion, `‖A Δv - h Hᵀ λ‖ / ‖h Hᵀ λ‖` with its own forces.
     pub(crate) imbalance: f64,
+    /// Whether the step has refined the forces.
+    pub(crate) refined: bool,
     /// Iterations of the free motion, and of the exact correction.
     pub(crate) iterations: [usize; 2],
     /// Time that one core works for rotations, free motion, compliance, forces and correction (s); for the factorisation

@@ -5,14 +5,15 @@ mod measurement;
 mod method;
 
 use miette::Result;
-use palpate::constraints::surface_inverse::SurfaceInverse;
+use palpate::constraints::compliance::MotionCorrection;
+use palpate::world::World;
 
 use super::plot::{Axis, Layout, Mark, Panel, Series};
 use super::table::{Table, Value};
 use super::{Chart, NamedTable, Settings, Work};
-use body::{Motion, STEPS, organ, positions, skin};
-use measurement::Step;
-use method::{Correction, Method, Outcome, Source};
+use body::{Motion, STEPS, organ, positions};
+use measurement::{Step, Worlds};
+use method::{CORRECTIONS, Method, Outcome, Source};
 
 /// Ages of the factor (steps).
 const AGES: [usize; 5] = [0, 1, 3, 10, 30];
@@ -23,7 +24,7 @@ const FLOOR: f64 = 1e-3;
 /// Stiffness of the lesion relative to the rest.
 const RATIOS: [f64; 2] = [1.0, 1e3];
 
-const COLUMNS: [&str; 11] = [
+const COLUMNS: [&str; 12] = [
     "nodes",
     "stiffness ratio",
     "motion",
@@ -33,11 +34,12 @@ const COLUMNS: [&str; 11] = [
     "error of forces [%]",
     "error of motion [%]",
     "imbalance [%]",
+    "refined",
     "iterations",
     "step [ms]",
 ];
 
-const LARGEST: [&str; 8] = [
+const LARGEST: [&str; 9] = [
     "stiffness ratio",
     "motion",
     "compliance",
@@ -45,6 +47,7 @@ const LARGEST: [&str; 8] = [
     "age [steps]",
     "error of forces [%]",
     "error of motion [%]",
+    "refined",
     "step [ms]",
 ];
 
@@ -57,27 +60,30 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
     work.expect(cells.len() * ratios.len() * Motion::ALL.len());
     'all: for &cell in cells {
         for &ratio in ratios {
-            let world = organ(cell, ratio)?;
-            let nodes = skin(&world).len();
-            let megabytes = 1e-6 * SurfaceInverse::bytes(nodes) as f64;
-            notes.push(format!(
-                "{} nodes, {nodes} of them free and on the skin: the inverse between these takes {megabytes:.1} MB",
-                world.mesh().nodes.len()
-            ));
+            let worlds = Worlds::new(&organ(cell, ratio)?)?;
+            let world = &worlds.exact;
+            if let Some(inverse) = &worlds.gathered[0].plan().precomputed {
+                notes.push(format!(
+                    "{} nodes, {} of them free and on the skin: the inverse between these takes {:.1} MB",
+                    world.mesh().nodes.len(),
+                    inverse.nodes,
+                    1e-6 * inverse.bytes as f64
+                ));
+            }
             let name = format!("{} nodes, ratio {ratio}", world.mesh().nodes.len());
             for motion in Motion::ALL {
                 if !work.next(&format!("{name}, {}", motion.name())) {
                     notes.push("ended early: what was measured until then".into());
                     break 'all;
                 }
-                let Some(path) = positions(&world, motion) else {
+                let Some(path) = positions(world, motion) else {
                     notes.push(format!("{name}, {}: a step failed, nothing was measured", motion.name()));
                     continue;
                 };
                 let times = if settings.quick { 1 } else { 3 };
-                let outcomes = outcomes(&mut Step::new(&world, &path)?, times)?;
+                let outcomes = outcomes(&mut Step::new(&worlds, &path)?, times)?;
                 for (method, outcome) in &outcomes {
-                    table.push(row(&world, ratio, motion, *method, outcome));
+                    table.push(row(world, ratio, motion, *method, outcome));
                 }
                 if cell == cells[cells.len() - 1] && motion != Motion::Still {
                     summarise(&mut largest, ratio, motion, &outcomes);
@@ -103,18 +109,22 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
 
 /// One step by every method and age; `None` is the exact one.
 fn outcomes(step: &mut Step<'_>, times: usize) -> Result<Vec<(Option<Method>, Outcome)>> {
-    let mut own = step.own();
-    let mut all = vec![(None, step.measure(&mut own, None, times))];
+    let latest = step.factor(0)?;
+    let mut all = vec![(None, step.measure(None, &latest, times)?)];
     for age in AGES {
-        // The oldest matrix is the first: the one that a run precomputes.
-        let mut old = step.old(STEPS - age, age == STEPS)?;
+        let old = step.factor(age)?;
+        // As if it were of the shape of this step: nothing has turned since.
+        let mut unwarped = old.clone();
+        unwarped.q.clone_from(&latest.q);
         for source in [Source::Warped, Source::Unwarped, Source::Gathered] {
+            // The oldest matrix is the first: the one that a run precomputes.
             if source == Source::Gathered && age < STEPS {
                 continue;
             }
-            for correction in Correction::ALL {
+            let factor = if source == Source::Unwarped { &unwarped } else { &old };
+            for correction in CORRECTIONS {
                 let method = Some(Method { source, correction, age });
-                all.push((method, step.measure(&mut old, method, times)));
+                all.push((method, step.measure(method, factor, times)?));
             }
         }
     }
@@ -132,16 +142,16 @@ fn case(ratio: f64, motion: Motion, method: Option<Method>) -> [Value; 5] {
     ]
 }
 
-/// Rows of the table on the screen: what a run does, beside the same without refinement and without warping.
+/// Rows of the table on the screen: what a run does, beside the same without warping.
 fn summarise(table: &mut Table, ratio: f64, motion: Motion, outcomes: &[(Option<Method>, Outcome)]) {
     for (method, outcome) in outcomes {
-        let shown = method.is_none_or(|m| m.correction != Correction::Exact && m.source != Source::Unwarped)
-            || method.is_some_and(|m| m.source == Source::Unwarped && m.correction == Correction::Refined);
-        if shown {
+        let plain = |m: &Method| m.source == Source::Unwarped && m.correction == MotionCorrection::Matching;
+        if !method.as_ref().is_some_and(plain) {
             let mut row = case(ratio, motion, *method).to_vec();
             row.extend([
                 Value::Number(100.0 * outcome.force, 2),
                 Value::Number(100.0 * outcome.motion, 2),
+                refined(outcome),
                 Value::Number(1e3 * outcome.time, 2),
             ]);
             table.push(row);
@@ -149,13 +159,11 @@ fn summarise(table: &mut Table, ratio: f64, motion: Motion, outcomes: &[(Option<
     }
 }
 
-fn row(
-    world: &palpate::world::World,
-    ratio: f64,
-    motion: Motion,
-    method: Option<Method>,
-    outcome: &Outcome,
-) -> Vec<Value> {
+fn refined(outcome: &Outcome) -> Value {
+    if outcome.refined { "yes" } else { "no" }.into()
+}
+
+fn row(world: &World, ratio: f64, motion: Motion, method: Option<Method>, outcome: &Outcome) -> Vec<Value> {
     let [free, corrected] = outcome.iterations;
     let mut row = vec![world.mesh().nodes.len().into()];
     row.extend(case(ratio, motion, method));
@@ -163,6 +171,7 @@ fn row(
         Value::Number(100.0 * outcome.force, 3),
         Value::Number(100.0 * outcome.motion, 3),
         Value::Number(100.0 * outcome.imbalance, 3),
+        refined(outcome),
         format!("{free} + {corrected}").into(),
         Value::Number(1e3 * outcome.time, 2),
     ]);
@@ -176,9 +185,7 @@ fn draw(title: &str, outcomes: &[(Option<Method>, Outcome)]) -> [Panel; 2] {
         for (method, outcome) in outcomes {
             let name = match method {
                 None => "exact: factored in the step".to_string(),
-                // What a run does, and the plain method beside it; the rest is in the table.
-                Some(m) if m.correction == Correction::Exact => continue,
-                Some(m) => format!("{}, {}", m.source.name(), m.correction.name()),
+                Some(m) => format!("{}, {} correction", m.source.name(), m.correction.name()),
             };
             let point = (1e3 * outcome.time, (100.0 * error(outcome)).max(FLOOR));
             match series.iter_mut().find(|s| s.name == name) {

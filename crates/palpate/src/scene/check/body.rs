@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
-use palpate_constraints::compliance::ComplianceMethod;
+use palpate_constraints::compliance::{ComplianceMethod, MotionCorrection};
 
 use super::super::description::{BodyDescription, IntegratorKind, NodeSelection, Refactor};
 use super::super::parse::Source;
+use super::super::readable::Readable;
 use super::Checked;
 use super::number::{at_least_one, finite, not_negative, positive};
+use crate::world::is_constant;
 
 /// Most substeps of one explicit step: beyond, an implicit one is cheaper on any machine.
 pub(crate) const MOST_SUBSTEPS: u32 = 100_000;
@@ -27,7 +29,7 @@ pub(super) fn check(body: &BodyDescription, source: &Source<'_>) -> Checked {
     not_negative(source, "body.0.rayleigh_stiffness", body.rayleigh_stiffness, "s")?;
     positive(source, "body.0.tolerance", body.tolerance, "")?;
     if body.tolerance >= 1.0 {
-        return Err(source.at("body.0.tolerance", format!("{} solves nothing", body.tolerance), "use 1e-6"));
+        return Err(source.at("body.0.tolerance", format!("{} solves nothing", Readable(body.tolerance)), "use 1e-6"));
     }
     at_least_one(source, "body.0.max_iterations", body.max_iterations)?;
     integrator(body, source)?;
@@ -74,7 +76,7 @@ fn integrator(body: &BodyDescription, source: &Source<'_>) -> Checked {
         at_least_one(source, "body.0.newton.iterations", newton.iterations as usize)?;
         positive(source, "body.0.newton.tolerance", newton.tolerance, "")?;
         if newton.tolerance >= 1.0 {
-            let message = format!("{} solves nothing", newton.tolerance);
+            let message = format!("{} solves nothing", Readable(newton.tolerance));
             return Err(source.at("body.0.newton.tolerance", message, "use 1e-9"));
         }
     }
@@ -99,6 +101,12 @@ fn compliance(body: &BodyDescription, source: &Source<'_>) -> Checked {
     }
     not_negative(source, "body.0.error_sampling", body.error_sampling, "")?;
     not_negative(source, "body.0.surface_memory", body.surface_memory, "MB")?;
+    if is_kept_blindly(body) {
+        let message = "nothing would tell whether `accuracy` is met: correction = \"matching\" measures no error, and \
+                       error_sampling = 0 compares no column of the compliance";
+        let remedy = "leave `error_sampling` out, set correction = \"exact\", or remove `accuracy`";
+        return Err(source.at("body.0.accuracy", message, remedy));
+    }
     let refuse = |message: &str, remedy: &str| Err(source.at("body.0.refactor", message, remedy));
     match (body.compliance, body.refactor) {
         (ComplianceMethod::Asynchronous, Some(Refactor::Step | Refactor::Once)) => {
@@ -115,6 +123,18 @@ fn compliance(body: &BodyDescription, source: &Source<'_>) -> Checked {
         }
         _ => Ok(()),
     }
+}
+
+/// Whether methods would be chosen by an error that nothing measures.
+fn is_kept_blindly(body: &BodyDescription) -> bool {
+    let inexact = match body.compliance {
+        ComplianceMethod::Exact => false,
+        ComplianceMethod::Automatic => !is_constant(body),
+        ComplianceMethod::Asynchronous | ComplianceMethod::Warped => true,
+    };
+    let linearised = body.integrator == IntegratorKind::BackwardEuler;
+    let unmeasured = body.correction == MotionCorrection::Matching && body.error_sampling == 0.0;
+    body.accuracy.is_some() && inexact && linearised && unmeasured
 }
 
 /// Exactly one of mesh, image and block; `cell` with an image only.

@@ -1,6 +1,7 @@
 //! Ranges of single numbers.
 
 use super::super::parse::Source;
+use super::super::readable::Readable;
 use super::Checked;
 
 pub(super) fn positive(source: &Source<'_>, path: &str, value: f64, unit: &str) -> Checked {
@@ -9,7 +10,7 @@ pub(super) fn positive(source: &Source<'_>, path: &str, value: f64, unit: &str) 
     }
     Err(source.at(
         path,
-        format!("{} = {value} {unit} is not a positive number", last(path)).replace("  ", " "),
+        format!("{} = {} {unit} is not a positive number", last(path), Readable(value)).replace("  ", " "),
         "give a positive number",
     ))
 }
@@ -20,7 +21,7 @@ pub(super) fn not_negative(source: &Source<'_>, path: &str, value: f64, unit: &s
     }
     Err(source.at(
         path,
-        format!("{} = {value} {unit} is negative or not finite", last(path)).replace("  ", " "),
+        format!("{} = {} {unit} is negative or not finite", last(path), Readable(value)).replace("  ", " "),
         "give zero or a positive number",
     ))
 }

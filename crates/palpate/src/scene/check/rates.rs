@@ -2,6 +2,7 @@
 
 use super::super::description::{RatesDescription, SceneDescription};
 use super::super::parse::Source;
+use super::super::readable::Readable;
 use super::Checked;
 use super::number::{not_negative, positive};
 
@@ -16,12 +17,12 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     positive(source, "rates.tick", r.tick, "Hz")?;
     r.factor_delay.map_or(Ok(()), |delay| not_negative(source, "rates.factor_delay", delay, "s"))?;
     if r.tick < r.step {
-        let message = format!("the tick rate {} Hz is below the step rate {} Hz", r.tick, r.step);
+        let message = format!("the tick rate {} Hz is below the step rate {} Hz", Readable(r.tick), Readable(r.step));
         return Err(source.at("rates.tick", message, "use 1000 Hz for haptics, at least the step rate"));
     }
     if r.tick > HIGHEST_TICK {
-        let remedy = format!("use at most {HIGHEST_TICK}");
-        return Err(source.at("rates.tick", format!("{} Hz leaves no time to work in", r.tick), remedy));
+        let message = format!("{} Hz leaves no time to work in", Readable(r.tick));
+        return Err(source.at("rates.tick", message, format!("use at most {HIGHEST_TICK}")));
     }
     gap(scene, source)
 }

@@ -90,7 +90,9 @@ pub struct BodyDescription {
     /// `accuracy`: 18 bytes per pair of nodes, 256 MB for 3,770 nodes. What takes more is left to half solves; 0 for none.
     #[serde(default = "surface_memory")]
     pub surface_memory: f64,
-    /// Share of a step that may be spent on comparing a column of the compliance with the exact one; 0 for none.
+    /// Share of a step that may be spent on comparing a column of the compliance with the exact one, by the time that the plan
+    /// predicts; where that does not do for a comparison in each step, there is one every so many. 0 for none. With `accuracy`
+    /// and `matching` correction a column is compared in every step, whatever it takes.
     #[serde(default = "sampling_share")]
     pub error_sampling: f64,
     /// How the body moves in time.
