@@ -10,6 +10,9 @@ use palpate_fem::{
 };
 use tissue_setup::{Random, block, nodes_where};
 
+/// Energy (J), and forces on the nodes (N).
+type EnergyAndForces = (f64, Vec<Vector3<f64>>);
+
 /// A body of several parts, which are summed on their own: along any direction forces are the slope of the energy, and `K` that
 /// of the forces, to the fourth power of 2e-3 of an element, and the bits are those of one thread.
 #[test]
@@ -38,8 +41,7 @@ fn parts_of_a_large_body_add_up_to_it() {
     };
     // Differences of the fourth order.
     let [far, near, back, off] = [2.0, 1.0, -1.0, -2.0].map(&mut at);
-    let slope =
-        |f: &dyn Fn(&(f64, Vec<Vector3<f64>>)) -> f64| (8.0 * (f(&near) - f(&back)) - (f(&far) - f(&off))) / (12.0 * e);
+    let slope = |f: &dyn Fn(&EnergyAndForces) -> f64| (8.0 * (f(&near) - f(&back)) - (f(&far) - f(&off))) / (12.0 * e);
     assemble_with(&model, &state, Coefficients::STATIC, &[], &mut ws);
     let dot = |f: &[Vector3<f64>]| -> f64 { f.iter().zip(&direction).map(|(f, d)| f.dot(d)).sum() };
     let force = dot(&ws.f_int);
