@@ -12,7 +12,7 @@
 
 use palpate_constraints::compliance::{ComplianceMethod, MotionCorrection};
 use palpate_constraints::law::Law;
-use palpate_fem::pcg::{PcgConfig, PcgReport, PcgStatus, pcg};
+use palpate_fem::pcg::{PcgReport, PcgStatus, pcg};
 
 use super::free_motion::{bounds, factor_in_need};
 use super::preconditioner::StepPreconditioner;
