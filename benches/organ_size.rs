@@ -3,10 +3,12 @@
 //!
 //! `cargo bench --bench organ_size [-- NODES... tolerance=T]`: about as many nodes, without 1,000 to 8,000, and the relative
 //! residual of the free motion and the correction. The factor is made ten
-//! times a second by the caller between steps as the factor thread makes it beside them. Times are those of the
-//! processor on one thread, which other work on the machine disturbs least.
+//! times a second by the caller between steps as the factor thread makes it beside them. On one core times are those of the
+//! processor, which other work on the machine disturbs least; on two they are those of the clock, and want a quiet machine.
 
 #![allow(clippy::print_stdout)]
+
+use std::time::Instant;
 
 use cpu_time::ThreadTime;
 use nalgebra::{Isometry3, Translation3, Vector3};
@@ -31,6 +33,9 @@ const PARTS: [(f64, f64); 2] = [(1.2, 2.5), (3.5, 4.5)];
 /// Steps between two factors: 10 Hz beside steps of 30 Hz.
 const REFRESH_EVERY: u64 = 3;
 
+/// Threads of the step: as many as cores.
+const CORES: usize = 2;
+
 /// Time that a step has (ms).
 const STEP: f64 = 1e3 / 30.0;
 
@@ -47,8 +52,12 @@ fn poses(world: &World) -> Vec<Isometry3<f64>> {
         .collect()
 }
 
-/// A run: reports of the steps and their processor times (ms).
-fn play(world: &World, steps: usize) -> Vec<(StepReport, f64)> {
+/// A run on so many threads: reports of the steps and their times (ms), on one thread those of the processor.
+fn play(world: &World, steps: usize, threads: usize) -> Vec<(StepReport, f64)> {
+    pool(threads).install(|| play_here(world, steps, threads == 1))
+}
+
+fn play_here(world: &World, steps: usize, by_processor: bool) -> Vec<(StepReport, f64)> {
     let mut simulation = Simulation::new(world).expect("the liver has a factor").refresh_every(REFRESH_EVERY);
     simulation = simulation.refresh_early();
     let poses = poses(world);
@@ -56,9 +65,10 @@ fn play(world: &World, steps: usize) -> Vec<(StepReport, f64)> {
         .iter()
         .take(steps)
         .map(|pose| {
-            let clock = ThreadTime::now();
+            let (clock, processor) = (Instant::now(), ThreadTime::now());
             let report = simulation.step_alone(pose);
-            let time = 1e3 * clock.elapsed().as_secs_f64();
+            let elapsed = if by_processor { processor.elapsed() } else { clock.elapsed() };
+            let time = 1e3 * elapsed.as_secs_f64();
             simulation.refresh_if_due(&report);
             (report, time)
         })
@@ -79,20 +89,26 @@ fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values[((values.len() - 1) as f64 * share).round() as usize]
 }
 
-/// Nodes and median and 99th percentile of a step (ms).
+/// Nodes, and median and 99th percentile of a step (ms) on one core and on all.
 struct Line {
     nodes: f64,
-    median: f64,
-    slowest: f64,
+    one: [f64; 2],
+    all: [f64; 2],
+}
+
+fn median_and_tail(run: &[(StepReport, f64)]) -> [f64; 2] {
+    [0.5, 0.99].map(|share| quantile(run.iter().map(|(_, time)| *time).collect(), share))
 }
 
 fn measure(nodes: f64, steps: usize, tolerance: Option<f64>) -> Line {
     let cell = CELL * (1500.0 / nodes).cbrt();
     let world = world(cell, ComplianceMethod::Asynchronous, tolerance);
-    let runs = play(&world, steps);
-    let exact = play(&self::world(cell, ComplianceMethod::Exact, None), steps);
+    let alone = play(&world, steps, 1);
+    let runs = play(&world, steps, CORES);
+    let exact = play(&self::world(cell, ComplianceMethod::Exact, None), steps, CORES);
     let force = |run: &[(StepReport, f64)]| run.iter().map(|(report, _)| report.force).collect::<Vec<Vector3<f64>>>();
     let (forces, exact) = (force(&runs), force(&exact));
+    assert_eq!(forces, force(&alone), "the same bits on any number of threads");
     let largest = exact.iter().map(Vector3::norm).fold(0.0, f64::max);
     let errors: Vec<f64> = forces.iter().zip(&exact).map(|(f, e)| 100.0 * (f - e).norm() / largest).collect();
 
@@ -103,17 +119,15 @@ fn measure(nodes: f64, steps: usize, tolerance: Option<f64>) -> Line {
     };
     let free = iterations(&runs, |r| r.free_motion.iterations as f64);
     let correction = iterations(&runs, |r| f64::from(r.error.correction_iterations));
-    let times: Vec<f64> = runs.iter().map(|(_, time)| *time).collect();
-    let line = Line {
-        nodes: world.mesh().nodes.len() as f64,
-        median: quantile(times.clone(), 0.5),
-        slowest: quantile(times, 0.99),
-    };
+    let (one, all) = (median_and_tail(&alone), median_and_tail(&runs));
+    let line = Line { nodes: world.mesh().nodes.len() as f64, one, all };
     println!(
-        "{:>6} {:>7.2} {:>7.2} | {:>6.2} {:>6.2} {:>6.2} {:>6.2} {:>6.2} {:>6.2} {:>6.2} | {:>3.0} {:>3.0} {:>4.0} {:>3.0} | {:>4.0} {:>6.3} {:>6.3} | {:>6.1}",
+        "{:>6} {:>7.2} {:>7.2} | {:>7.2} {:>7.2} | {:>6.2} {:>6.2} {:>6.2} {:>6.2} {:>6.2} {:>6.2} {:>6.2} | {:>3.0} {:>3.0} {:>4.0} {:>3.0} | {:>4.0} {:>6.3} {:>6.3} | {:>6.1}",
         line.nodes,
-        line.median,
-        line.slowest,
+        one[0],
+        one[1],
+        all[0],
+        all[1],
         of(|t| t.assembly),
         of(|t| t.free_motion),
         of(|t| t.detection),
@@ -130,12 +144,12 @@ fn measure(nodes: f64, steps: usize, tolerance: Option<f64>) -> Line {
         quantile(errors, 1.0),
         1e3 * world.plan().factorization,
     );
-    traffic::print(&world);
+    pool(1).install(|| traffic::print(&world));
     line
 }
 
 /// Least squares of `ln time = a + e ln nodes`: `(a, e)`.
-fn fit(lines: &[Line], time: fn(&Line) -> f64) -> (f64, f64) {
+fn fit(lines: &[Line], time: impl Fn(&Line) -> f64) -> (f64, f64) {
     let points: Vec<(f64, f64)> = lines.iter().map(|line| (line.nodes.ln(), time(line).ln())).collect();
     let n = points.len() as f64;
     let mean = points.iter().fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
@@ -154,20 +168,20 @@ fn main() {
         (true, false) => (named, usize::MAX),
     };
     println!(
-        "step (cpu ms)          | medians of its stages (wall ms)                         | iterations       | rows | force error % | factor"
+        "one core (cpu ms)      | {CORES} cores (ms)     | medians of their stages (ms)                            | iterations       | rows | force error % | factor"
     );
     println!(
-        " nodes  median     p99 |  assem   free  touch      W  solve   corr   hand | free max corr max |    median    max | predicted ms"
+        " nodes  median     p99 |  median     p99 |  assem   free  touch      W  solve   corr   hand | free max corr max |    median    max | predicted ms"
     );
-    pool(1).install(|| {
-        let lines: Vec<Line> = sizes.iter().map(|&nodes| measure(nodes, steps, tolerance)).collect();
-        if lines.len() > 1 {
-            let (_, exponent) = fit(&lines, |line| line.median);
-            let (a, e) = fit(&lines, |line| line.slowest);
-            println!(
-                "median time grows as nodes^{exponent:.2}; a step at 30 Hz fits (p99, fitted) up to {:.0} nodes",
-                ((STEP.ln() - a) / e).exp()
-            );
-        }
-    });
+    let lines: Vec<Line> = sizes.iter().map(|&nodes| measure(nodes, steps, tolerance)).collect();
+    if lines.len() > 1 {
+        let told = |name: &str, times: fn(&Line) -> [f64; 2]| {
+            let (_, exponent) = fit(&lines, |line| times(line)[0]);
+            let (a, e) = fit(&lines, |line| times(line)[1]);
+            let largest = ((STEP.ln() - a) / e).exp();
+            println!("{name}: median time grows as nodes^{exponent:.2}; 30 Hz (p99, fitted) up to {largest:.0} nodes");
+        };
+        told("one core", |line| line.one);
+        told(&format!("{CORES} cores"), |line| line.all);
+    }
 }

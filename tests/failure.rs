@@ -161,7 +161,7 @@ fn a_matrix_that_cannot_be_factored_leaves_the_last_good_factor_in_use() {
     broken.blocks[0].m11 = f64::NAN;
     for (step, bad) in [(1, &indefinite), (2, &broken), (3, &indefinite), (4, &indefinite)] {
         stage.want();
-        port.offer(step, 0.1, &at, bad);
+        port.offer(step, 0.1, &at, bad, &[]);
         let report = stage.refresh(|| 0.2).expect("a matrix has arrived");
         assert!(!report.is_ok(), "{report:?}");
         assert_eq!(matches!(report.status, FactorStatus::NonFinite { .. }), step == 2, "{report:?}");
@@ -170,7 +170,7 @@ fn a_matrix_that_cannot_be_factored_leaves_the_last_good_factor_in_use() {
         assert_eq!((factor.epoch, factor.step, factor.factor.revision()), (0, 0, revision));
     }
     stage.want();
-    port.offer(5, 0.3, &at, &good);
+    port.offer(5, 0.3, &at, &good, &[]);
     assert!(stage.refresh(|| 0.4).unwrap().is_ok());
     let factor = port.factor();
     assert_eq!((factor.epoch, factor.step, factor.time), (1, 5, 0.3), "the next good matrix is taken again");

@@ -171,7 +171,7 @@ fn step_factor_and_tick_together_allocate_nothing_over_ten_thousand_ticks() {
                         let input = StepInput { time, tool: *poses.latest(), factor: port.factor() };
                         let report = step(&world, &input, &mut state, &mut ws, snapshots.value_mut());
                         snapshots.publish();
-                        port.offer(report.step, time, state.state_before(), &ws.fem.system);
+                        port.offer(report.step, time, state.state_before(), &ws.fem.system, &[]);
                         offs += usize::from(on && report.active == 0);
                         on = report.active > 0;
                     }

@@ -17,12 +17,12 @@ use palpate::world::World;
 
 use crate::organ::patch::Patch;
 use crate::organ::{CELLS, liver, pool, press, under_ball};
-use crate::table::{MICROSECONDS, head, line};
+use crate::table::{Histogram, MICROSECONDS, head, line};
 
 /// Radius of the circle along the skin and amplitude of the motion into it (m); turns in a second.
-const CIRCLE: f64 = 2e-3;
-const PRESS: f64 = 1e-3;
-const TURNS: f64 = 2.0;
+pub(crate) const CIRCLE: f64 = 2e-3;
+pub(crate) const PRESS: f64 = 1e-3;
+pub(crate) const TURNS: f64 = 2.0;
 
 /// Ticks to a snapshot.
 const TICKS_PER_STEP: u64 = 33;
@@ -31,7 +31,7 @@ const TICKS_PER_STEP: u64 = 33;
 const WARM_UP: u64 = 200;
 
 /// Contacts of a tick, the nodes of its patch, and what to reach (median and p99.9).
-const LOCAL: [(usize, usize, &str); 2] = [
+pub(crate) const LOCAL: [(usize, usize, &str); 2] = [
     (10, 40, "to reach: p50 < 30, p99.9 < 120; SOFA at 36 rows: p50 47"),
     (45, 64, "to reach: p50 < 100, p99.9 < 300; SOFA at 135 rows: p50 483 (LCP) to 801 (NNCG)"),
 ];
@@ -68,6 +68,7 @@ fn local_tick_of(world: &World, contacts: usize) -> Tick {
 struct Alone {
     work: Tail,
     cpu: Tail,
+    histogram: Histogram,
     sweeps: Tail,
     active: Tail,
     not_converged: u64,
@@ -81,6 +82,7 @@ fn run(tick: &Tick, mut snapshot: HapticSnapshot, ticks: u64) -> Alone {
     let mut seen = Alone {
         work: Tail::new(1e-9),
         cpu: Tail::new(1e-9),
+        histogram: Histogram::default(),
         sweeps: Tail::new(1.0),
         active: Tail::new(1.0),
         not_converged: 0,
@@ -110,6 +112,7 @@ fn run(tick: &Tick, mut snapshot: HapticSnapshot, ticks: u64) -> Alone {
         let (cpu, work) = (cpu.elapsed().as_secs_f64(), start.elapsed().as_secs_f64());
         if index >= WARM_UP {
             seen.work.record(work);
+            seen.histogram.record(work);
             seen.cpu.record(cpu);
             seen.sweeps.record(f64::from(record.sweeps));
             seen.active.record(f64::from(record.active));
@@ -127,8 +130,8 @@ fn report(what: &str, seen: &Alone, target: &str) -> String {
     let (sweeps, active) = (seen.sweeps.percentiles(), seen.active.percentiles());
     format!(
         "{what}: {:.0} carried force at the median; sweeps {:.0} at the median, {:.0} at p99; {} ticks ended at their \
-         bound of sweeps; allocations: {}",
-        active.p50, sweeps.p50, sweeps.p99, seen.not_converged, seen.allocations
+         bound of sweeps; allocations: {}\n{what}, wall: {}",
+        active.p50, sweeps.p50, sweeps.p99, seen.not_converged, seen.allocations, seen.histogram
     )
 }
 

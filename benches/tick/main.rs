@@ -1,11 +1,12 @@
 //! The haptic loop: ten seconds of palpation of the bundled liver in real time with all threads alive, the jumps of
-//! the force at new snapshots in lockstep, then ticks alone on snapshots of a fist in the liver. Prints tails; asserts
-//! nothing.
+//! the force at new snapshots in lockstep, ticks of a driver with 10 and 45 contacts of a fist in the liver while step and
+//! factor run beside it, then such ticks alone. Prints tails and histograms; asserts nothing.
 //!
 //! `cargo bench --bench tick [-- --seconds S]`
 
 #![allow(clippy::print_stdout)]
 
+mod alive;
 mod alone;
 mod jumps;
 #[path = "../organ/mod.rs"]
@@ -26,6 +27,7 @@ fn main() {
     let (seconds, ticks) = if organ::measuring() { (seconds().unwrap_or(10.0), TICKS) } else { (0.5, 500) };
     real_time::measure(seconds);
     jumps::measure(seconds.min(5.0));
+    alive::measure(seconds);
     alone::measure(&[10, 20, 45], ticks);
     println!("\n{}", table::machine());
 }

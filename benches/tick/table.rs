@@ -1,5 +1,7 @@
 //! Tails as lines of a table, and what machine they come from.
 
+use std::fmt;
+
 use palpate::summary::Percentiles;
 
 /// A unit.
@@ -39,4 +41,30 @@ pub(crate) fn machine() -> String {
         model.unwrap_or("unknown processor"),
         if load.is_empty() { "unknown".into() } else { load.join(" ") }
     )
+}
+
+/// Upper ends of the bins of a histogram (µs); what is longer is in a bin of its own.
+const BINS: [f64; 9] = [5.0, 10.0, 20.0, 30.0, 60.0, 100.0, 120.0, 300.0, 1000.0];
+
+/// How many times fell into each bin.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Histogram {
+    counts: [u64; BINS.len() + 1],
+}
+
+impl Histogram {
+    /// Counts a time (s).
+    pub(crate) fn record(&mut self, time: f64) {
+        let bin = BINS.iter().position(|&end| time * 1e6 < end).unwrap_or(BINS.len());
+        self.counts[bin] += 1;
+    }
+}
+
+impl fmt::Display for Histogram {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (count, end) in self.counts.iter().zip(BINS) {
+            write!(f, "{count} below {end} µs, ")?;
+        }
+        write!(f, "{} above", self.counts[BINS.len()])
+    }
 }

@@ -1,7 +1,7 @@
 /* A haptic driver in C: a thread that ticks at 1 kHz, and a device that exists in arithmetic only.
  *
- * The device is a mass held by a hand (spring and damper to a path that is scripted); it is pressed into the tissue, held
- * there and taken away. A driver of hardware replaces read_device and write_device by the vendor's calls.
+ * The device is a mass held by a hand (spring and damper to a path); it comes down on the middle of the body from above
+ * until the tool touches, is pressed in, held there and taken away. A driver of hardware replaces read_device and write_device by the vendor's calls.
  *
  *   palpate_pthread [scene [seconds]]      "block" is a scene that the library carries
  *
@@ -29,10 +29,10 @@
 static const double HAND_MASS = 0.05, HAND_DAMPING = 4.0, HAND_STIFFNESS = 350.0;
 static const double DEVICE_MASS = 0.1, DEVICE_DAMPING = 0.2;
 
-/* Above the block of the bundled scene, and how far down the hand wants to go (m). */
-static const double START[3] = {0.0, 0.0, 0.050};
-static const double DESCENT = 0.014;
-static const double SKIN = 0.042; /* height of the ball's centre at which it touches: block 0.030, ball 0.012 */
+/* How far above the body the tool's origin begins, and how far below the touch the hand then wants to be (m). */
+static const double CLEARANCE = 0.06;
+static const double PRESS = 0.006;
+static const double LIFT = 0.014; /* above that, at the end */
 
 typedef struct {
     double position[3], velocity[3]; /* m, m/s */
@@ -48,6 +48,8 @@ typedef struct {
     palpate_port *port;
     device device;
     double seconds;
+    double start[3], bottom; /* where the hand begins, and how low it looks for the body (m) */
+    double touched_at, skin; /* time (s) and height (m) of the first touch; -1: none yet */
     long ticks, late, errors;
     double largest_force, largest_work;
     uint32_t flags_seen;
@@ -55,21 +57,34 @@ typedef struct {
     sample *samples;
 } driver;
 
-/* Where the hand wants the device at time t of a run of length T: down in a quarter, hold for a half, and up. */
-static double wanted_height(double t, double T)
+/* From 0 to 1 without a jerk. */
+static double smooth(double share)
 {
-    double share = t < 0.25 * T ? t / (0.25 * T) : t > 0.75 * T ? (T - t) / (0.25 * T) : 1.0;
     if (share < 0.0) share = 0.0;
-    return START[2] - DESCENT * 0.5 * (1.0 - cos(PI * share));
+    if (share > 1.0) share = 1.0;
+    return 0.5 * (1.0 - cos(PI * share));
+}
+
+/* Where the hand wants the device at time t: evenly down, in half of the run at most, until the tool touches. Of what is left
+ * from there, a quarter to press, a half to hold, a quarter to go up. */
+static double wanted_height(const driver *me, double t)
+{
+    if (me->touched_at < 0.0) {
+        double share = t / (0.5 * me->seconds);
+        return me->start[2] - (me->start[2] - me->bottom) * (share < 1.0 ? share : 1.0);
+    }
+    double share = (t - me->touched_at) / (me->seconds - me->touched_at);
+    return me->skin - PRESS * smooth(4.0 * share) + LIFT * smooth(4.0 * share - 3.0);
 }
 
 /* The device moves for dt under its motors' force and the hand's. Semi-implicit Euler: stable for these numbers. */
-static void move_device(device *d, double t, double dt, double T)
+static void move_device(driver *me, double t, double dt)
 {
     const double mass = DEVICE_MASS + HAND_MASS;
+    device *d = &me->device;
     for (int k = 0; k < SUBSTEPS; k++) {
         double h = dt / SUBSTEPS;
-        double wanted[3] = {START[0], START[1], wanted_height(t + k * h, T)};
+        double wanted[3] = {me->start[0], me->start[1], wanted_height(me, t + k * h)};
         for (int i = 0; i < 3; i++) {
             double f = d->force[i] + HAND_STIFFNESS * (wanted[i] - d->position[i]) -
                        (HAND_DAMPING + DEVICE_DAMPING) * d->velocity[i];
@@ -128,7 +143,7 @@ static void *drive(void *argument)
         sleep_until(next);
         uint64_t now = now_ns();
         double t = (double)(before - start) * 1e-9;
-        move_device(&me->device, t, (double)(now - before) * 1e-9, me->seconds);
+        move_device(me, t, (double)(now - before) * 1e-9);
         before = now;
 
         read_device(&me->device, &in);
@@ -137,6 +152,10 @@ static void *drive(void *argument)
         write_device(&me->device, &out); /* zero after an error */
 
         if (status < 0) me->errors++;
+        if (me->touched_at < 0.0 && out.contacts > 0) {
+            me->touched_at = t;
+            me->skin = me->device.position[2];
+        }
         me->flags_seen |= out.flags;
         if (out.work > me->largest_work) me->largest_work = out.work;
         double norm = sqrt(out.force[0] * out.force[0] + out.force[1] * out.force[1] + out.force[2] * out.force[2]);
@@ -168,7 +187,7 @@ static void print_depths(const driver *d)
     long n = d->ticks < MOST_SAMPLES ? d->ticks : MOST_SAMPLES;
     for (long k = 0; k < n; k++) {
         const sample *s = &d->samples[k];
-        double depth = SKIN - s->height;
+        double depth = d->skin - s->height;
         int bin = (int)floor(depth * 1e3);
         if (depth < -0.001 && s->contacts == 0) {
             free_ticks++;
@@ -187,7 +206,7 @@ static void print_depths(const driver *d)
     }
 }
 
-/* What a screen would draw: the triangles once, the nodes in each picture. */
+/* What a screen would draw: the triangles once and after each cut, the nodes in each picture. */
 typedef struct {
     palpate_surface surface;
     double *positions; /* x, y, z of each node (m) */
@@ -196,14 +215,38 @@ typedef struct {
     long pictures;
 } screen;
 
+/* Copies the triangles that belong to the surface as it is known now: cut tissue has others. */
+static int copy_triangles(const palpate_simulation *simulation, screen *s)
+{
+    free(s->triangles);
+    s->triangles = calloc(3 * s->surface.triangles, sizeof *s->triangles);
+    if (s->triangles == NULL) return 1;
+    return check(palpate_surface_triangles(simulation, s->surface.events, s->triangles, s->surface.triangles), "triangles");
+}
+
 static int open_screen(const palpate_simulation *simulation, screen *s)
 {
     s->surface.struct_size = sizeof s->surface;
     if (check(palpate_surface_counts(simulation, &s->surface), "surface")) return 1;
     s->positions = calloc(3 * s->surface.nodes, sizeof *s->positions);
-    s->triangles = calloc(3 * s->surface.triangles, sizeof *s->triangles);
-    if (s->positions == NULL || s->triangles == NULL) return 1;
-    return check(palpate_surface_triangles(simulation, s->surface.events, s->triangles, s->surface.triangles), "triangles");
+    return s->positions == NULL ? 1 : copy_triangles(simulation, s);
+}
+
+/* Puts the device above the middle of the body. Its frame is the world's. */
+static int place_device(const palpate_simulation *simulation, screen *s, driver *d)
+{
+    if (check(palpate_surface_positions(simulation, s->positions, s->surface.nodes, &s->surface), "positions")) return 1;
+    double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+    for (size_t k = 0; k < 3 * (size_t)s->surface.nodes; k++) {
+        low[k % 3] = fmin(low[k % 3], s->positions[k]);
+        high[k % 3] = fmax(high[k % 3], s->positions[k]);
+    }
+    d->start[0] = 0.5 * (low[0] + high[0]);
+    d->start[1] = 0.5 * (low[1] + high[1]);
+    d->start[2] = high[2] + CLEARANCE;
+    d->bottom = low[2];
+    memcpy(d->device.position, d->start, sizeof d->start);
+    return 0;
 }
 
 /* Draws until the driver's thread has ended. */
@@ -213,7 +256,9 @@ static void draw(const palpate_simulation *simulation, screen *s, const volatile
     double *rest = malloc(numbers * sizeof *rest);
     if (rest == NULL) return;
     while (!*done) {
+        uint32_t events = s->surface.events;
         if (check(palpate_surface_positions(simulation, s->positions, s->surface.nodes, &s->surface), "positions")) break;
+        if (s->surface.events != events && copy_triangles(simulation, s)) break;
         if (s->pictures++ == 0) memcpy(rest, s->positions, numbers * sizeof *rest);
         for (size_t k = 0; k < 3 * s->surface.triangles; k++) {
             size_t z = 3 * (size_t)s->triangles[k] + 2;
@@ -241,7 +286,7 @@ int main(int argc, char **argv)
     driver driver;
     memset(&driver, 0, sizeof driver);
     driver.seconds = argc > 2 ? atof(argv[2]) : 4.0;
-    memcpy(driver.device.position, START, sizeof START);
+    driver.touched_at = driver.skin = -1.0;
     if (!(driver.seconds > 0.0)) {
         fprintf(stderr, "usage: %s [scene [seconds]]\n", argv[0]);
         return 2;
@@ -253,6 +298,7 @@ int main(int argc, char **argv)
     options.threads = 1;
     options.rate = 1e9 / PERIOD_NS;
     options.max_force = 6.0;
+    for (int i = 0; i < 3; i++) options.axes[i] = i + 1; /* the device's frame is the world's, whatever the scene says */
 
     palpate_simulation *simulation = NULL;
     screen screen;
@@ -264,7 +310,8 @@ int main(int argc, char **argv)
     if (driver.samples == NULL) return 1;
     if (check(palpate_create_from_file(scene, &options, &simulation), "create") == 0 &&
         check(palpate_open_port(simulation, &driver.port), "open") == 0 &&
-        open_screen(simulation, &screen) == 0 && check(palpate_start(simulation), "start") == 0) {
+        open_screen(simulation, &screen) == 0 && place_device(simulation, &screen, &driver) == 0 &&
+        check(palpate_start(simulation), "start") == 0) {
         if (pthread_create(&thread, NULL, drive, &driver) == 0) {
             draw(simulation, &screen, &driver.done);
             pthread_join(thread, NULL);
@@ -272,6 +319,10 @@ int main(int argc, char **argv)
             memset(&statistics, 0, sizeof statistics);
             statistics.struct_size = sizeof statistics;
             failed = check(palpate_statistics(simulation, &statistics), "statistics");
+            if (driver.touched_at < 0.0) {
+                fprintf(stderr, "the tool came down through the middle of the body and touched nothing\n");
+                failed = 1;
+            }
             print_depths(&driver);
             print_statistics(&statistics);
             printf("screen: %ld pictures of %llu nodes and %llu triangles, dent %.2f mm\n", screen.pictures,

@@ -23,8 +23,9 @@
  * SAFETY
  *   In this order: a pose, a number of the tissue's answer or a call that is not sound ends the force at once, and it
  *   comes back as a ramp; an old model of the tissue fades the force; force and torque are cut to their limits; their
- *   change is cut to the slew rate. Every output is finite, whatever comes in. Limits act on what the library sends: a
- *   driver that does not call must rely on the watchdog of its own device.
+ *   change is cut to the slew rate. Whatever comes in, every output is finite, but for palpate_output.gap and .step_age,
+ *   which may be +infinity. Limits act on what the library sends: a driver that does not call must rely on the watchdog
+ *   of its own device.
  *
  * DRAWING
  *   Once: palpate_surface_counts, palpate_surface_triangles. In each picture: palpate_surface_positions. The library
@@ -32,7 +33,8 @@
  *
  * VERSIONS
  *   Set struct_size to sizeof the struct before each struct is given to the library. Structs grow at their ends only; a
- *   program and a library of different versions exchange what both know.
+ *   program and a library of different versions exchange what both know. A switch or an input field that the library does
+ *   not know is refused, and never left aside.
  *
  * ERRORS
  *   Negative: an error. palpate_last_error tells place and remedy, in the thread that made the call. No panic, no C++
@@ -154,6 +156,11 @@
 #define PALPATE_TICK_BAD_POSE (1u << 13)
 
 /*
+ The tool has moved so far since the tissue's latest step that skin which the tick does not know could touch it unseen.
+ */
+#define PALPATE_TICK_BEYOND_PATCH (1u << 15)
+
+/*
  The contact would have given out more energy than it took in: the force was reduced along the motion.
  */
 #define PALPATE_TICK_PASSIVITY (1u << 16)
@@ -196,7 +203,8 @@ enum palpate_status
      */
     PALPATE_STATUS_OK = 0,
     /*
-     Done, and the flags of the output say something: the force fades, is limited, or there is none yet.
+     Done, and the flags of the output say something: the force fades, is limited, or there is none yet. Of
+     palpate_stop: palpate_last_error has something to tell.
      */
     PALPATE_STATUS_NOTICE = 1,
     /*
@@ -208,7 +216,8 @@ enum palpate_status
      */
     PALPATE_STATUS_ERROR_STRUCT_SIZE = -2,
     /*
-     A number is out of its range, or a text is not UTF-8.
+     A number is out of its range, a text is not UTF-8, or a bit or a reserved field is set that this library does not
+     know.
      */
     PALPATE_STATUS_ERROR_ARGUMENT = -3,
     /*
@@ -264,7 +273,7 @@ typedef struct palpate_options {
      */
     uint32_t struct_size;
     /*
-     Worker threads of the step; 0: all cores. A driver that needs a core for itself leaves one free.
+     Worker threads of the step, at most 1024; 0: all cores. A driver that needs a core for itself leaves one free.
      */
     uint32_t threads;
     /*
@@ -313,7 +322,7 @@ typedef struct palpate_options {
      */
     double gap;
     /*
-     Where the origin of the device's frame lies in the world (m). Counts only where axes are given.
+     Where the origin of the device's frame lies in the world (m), -1000 to 1000. Refused where no axes are given.
      */
     double origin[3];
     /*
@@ -326,7 +335,7 @@ typedef struct palpate_options {
      */
     uint32_t reserved;
     /*
-     Trace to write (MCAP), UTF-8; NULL: none.
+     Trace to write (MCAP), UTF-8; NULL: none. Where it cannot be made, palpate_open_port fails.
      */
     const char *trace;
     /*
@@ -338,7 +347,7 @@ typedef struct palpate_options {
      */
     double energy_allowance;
     /*
-     PALPATE_OPTION_... or 0.
+     PALPATE_OPTION_... or 0. A bit that this library does not know is refused: it may be there for safety.
      */
     uint32_t switches;
     /*
@@ -494,7 +503,7 @@ typedef struct palpate_input {
      */
     uint32_t struct_size;
     /*
-     PALPATE_INPUT_... of what is measured beyond the pose, or 0.
+     PALPATE_INPUT_... of what is measured beyond the pose, or 0. A bit that this library does not know is refused.
      */
     uint32_t fields;
     /*
@@ -571,7 +580,7 @@ typedef struct palpate_output {
      */
     double tool_orientation[4];
     /*
-     Smallest gap between tool and skin (m); infinite where none is watched.
+     Smallest gap between tool and skin (m); +infinity where none is watched.
      */
     double gap;
     /*
@@ -579,7 +588,7 @@ typedef struct palpate_output {
      */
     double gain;
     /*
-     Age of the tissue's latest step (s); infinite before the first.
+     Age of the tissue's latest step (s); +infinity before the first, and where the call is refused.
      */
     double step_age;
     /*
@@ -595,7 +604,7 @@ typedef struct palpate_output {
      */
     uint32_t contacts;
     /*
-     One of PALPATE_PHASE_...
+     One of PALPATE_PHASE_...; where port is NULL, or a mistake inside the library has ended it, PALPATE_PHASE_FAILED.
      */
     uint32_t phase;
     /*
@@ -752,8 +761,8 @@ palpate_status palpate_change(const struct palpate_simulation *simulation,
 
 /*
  Ends the threads and the trace, and waits for them: at most the time of a step and 0.1 s. The driver may go on
- ticking meanwhile and afterwards; the force comes down to zero within the limits. A simulation whose body failed is
- stopped without an error; palpate_statistics tells.
+ ticking meanwhile and afterwards; the force comes down to zero within the limits. PALPATE_STATUS_NOTICE where the body
+ has failed or the trace is not whole; palpate_last_error tells.
 
  The caller answers for this:
  `simulation` is NULL or was created and not destroyed.

@@ -5,6 +5,7 @@ use std::mem::{offset_of, size_of};
 use palpate::session::PortSample;
 
 use crate::layout::Layout;
+use crate::status::Status;
 
 /// The field velocity and angular_velocity of the input are measured. Without it the library finds them from the poses.
 pub const PALPATE_INPUT_VELOCITY: u32 = 1 << 0;
@@ -17,7 +18,7 @@ pub const PALPATE_INPUT_GRIPPER: u32 = 1 << 1;
 pub struct Input {
     /// sizeof(palpate_input).
     pub struct_size: u32,
-    /// PALPATE_INPUT_... of what is measured beyond the pose, or 0.
+    /// PALPATE_INPUT_... of what is measured beyond the pose, or 0. A bit that this library does not know is refused.
     pub fields: u32,
     /// Time of the measurement on the device's clock, which does not run backwards (ns). 0: the device has no clock, and
     /// the time of the call counts.
@@ -60,7 +61,15 @@ unsafe impl Layout for Input {
     }
 }
 
+/// Every bit of what is measured.
+const FIELDS: u32 = PALPATE_INPUT_VELOCITY | PALPATE_INPUT_GRIPPER;
+
 impl Input {
+    /// Refuses what would be left aside in silence.
+    pub(crate) fn checked(self) -> Result<Self, Status> {
+        if self.fields & !FIELDS == 0 && self.reserved == 0 { Ok(self) } else { Err(Status::ErrorArgument) }
+    }
+
     /// A struct of a caller that knows no velocity has none, whatever its flags say.
     fn has_velocity(&self) -> bool {
         let whole = self.struct_size as usize >= offset_of!(Self, buttons);

@@ -5,7 +5,7 @@ use std::mem::offset_of;
 use std::path::PathBuf;
 
 use palpate::drivers::place::{Direction, PlaceConfig};
-use palpate::run::RunOptions;
+use palpate::run::{MOST_THREADS, RunOptions};
 use palpate::session::PortConfig;
 
 use crate::layout::Layout;
@@ -18,7 +18,7 @@ use crate::status::{Status, fail};
 pub struct Options {
     /// sizeof(palpate_options).
     pub struct_size: u32,
-    /// Worker threads of the step; 0: all cores. A driver that needs a core for itself leaves one free.
+    /// Worker threads of the step, at most 1024; 0: all cores. A driver that needs a core for itself leaves one free.
     pub threads: u32,
     /// Rate at which the driver will call palpate_tick (Hz), 100 to 8000. The time between two ticks is measured; the
     /// rate tunes the coupling between device and tool.
@@ -43,20 +43,20 @@ pub struct Options {
     pub stale_zero: f64,
     /// Time between two ticks that counts as an interruption (s).
     pub gap: f64,
-    /// Where the origin of the device's frame lies in the world (m). Counts only where axes are given.
+    /// Where the origin of the device's frame lies in the world (m), -1000 to 1000. Refused where no axes are given.
     pub origin: [f64; 3],
     /// Which way the device's x, y and z point in the world: 1, 2, 3 for x, y, z and -1, -2, -3 for the opposite. A
     /// right-handed frame. All zero: origin and axes are the scene's.
     pub axes: [i32; 3],
     /// Always 0.
     pub reserved: u32,
-    /// Trace to write (MCAP), UTF-8; NULL: none.
+    /// Trace to write (MCAP), UTF-8; NULL: none. Where it cannot be made, palpate_open_port fails.
     pub trace: *const c_char,
     /// Largest power that is given to the hand (W).
     pub max_power: f64,
     /// Energy that a contact may give out beyond what it took in (J).
     pub energy_allowance: f64,
-    /// PALPATE_OPTION_... or 0.
+    /// PALPATE_OPTION_... or 0. A bit that this library does not know is refused: it may be there for safety.
     pub switches: u32,
     /// Always 0.
     pub reserved_switches: u32,
@@ -64,6 +64,9 @@ pub struct Options {
 
 /// The passivity layer keeps its account but does not act on the force.
 pub const PALPATE_OPTION_OBSERVE_ENERGY_ONLY: u32 = 1 << 0;
+
+/// Every switch.
+const SWITCHES: u32 = PALPATE_OPTION_OBSERVE_ENERGY_ONLY;
 
 // SAFETY: repr(C), numbers and a pointer that is only looked at where its text is wanted; LEAST is the offset of a field.
 unsafe impl Layout for Options {
@@ -97,8 +100,32 @@ unsafe impl Layout for Options {
 }
 
 impl Options {
+    /// Refuses what would be left aside in silence.
+    fn check(&self) -> Result<(), Status> {
+        let refused = |message: String| Err(fail(Status::ErrorArgument, &message));
+        let unknown = self.switches & !SWITCHES;
+        if unknown != 0 {
+            return refused(format!(
+                "switches: this library does not know {unknown:#x}; use a newer one, or leave it out"
+            ));
+        }
+        if self.reserved != 0 || self.reserved_switches != 0 {
+            return refused("reserved: not 0; set the whole struct to zero before you fill it in".into());
+        }
+        if self.axes == [0; 3] && self.origin != [0.0; 3] {
+            return refused(
+                "origin: counts only with axes; give axes = 1, 2, 3 for a device that stands as the world".into(),
+            );
+        }
+        if self.threads as usize > MOST_THREADS {
+            return refused(format!("threads: {} is above {MOST_THREADS}; give 0 for all cores", self.threads));
+        }
+        Ok(())
+    }
+
     /// What the scene is changed by. A number that is not finite or negative is refused where it is checked.
     pub(crate) fn port(&self) -> Result<PortConfig, Status> {
+        self.check()?;
         let given = |value: f64| (value != 0.0).then_some(value);
         let place = match self.axes {
             [0, 0, 0] => None,
@@ -138,6 +165,9 @@ impl Options {
         // SAFETY: as the caller promises.
         let trace = unsafe { text(self.trace) };
         let trace = if self.trace.is_null() { None } else { Some(PathBuf::from(trace?)) };
+        if trace.as_ref().is_some_and(|path| path.as_os_str().is_empty()) {
+            return Err(fail(Status::ErrorArgument, "trace: a file without a name; give NULL for no trace"));
+        }
         Ok(RunOptions { threads, trace, ..RunOptions::default() })
     }
 }

@@ -35,6 +35,8 @@ pub const PALPATE_TICK_NOT_CONVERGED: u32 = 1 << 11;
 pub const PALPATE_TICK_TRUNCATED: u32 = 1 << 12;
 /// The input's pose was not finite, not a rotation, or beyond 1 km: no force.
 pub const PALPATE_TICK_BAD_POSE: u32 = 1 << 13;
+/// The tool has moved so far since the tissue's latest step that skin which the tick does not know could touch it unseen.
+pub const PALPATE_TICK_BEYOND_PATCH: u32 = 1 << 15;
 /// The contact would have given out more energy than it took in: the force was reduced along the motion.
 pub const PALPATE_TICK_PASSIVITY: u32 = 1 << 16;
 /// The power given to the hand was cut to its limit.
@@ -62,11 +64,39 @@ const _: () = {
     assert!(PALPATE_TICK_NOT_CONVERGED == TickFlags::NOT_CONVERGED.bits());
     assert!(PALPATE_TICK_TRUNCATED == TickFlags::TRUNCATED.bits());
     assert!(PALPATE_TICK_BAD_POSE == TickFlags::BAD_POSE.bits());
+    assert!(PALPATE_TICK_BEYOND_PATCH == TickFlags::BEYOND_PATCH.bits());
     assert!(PALPATE_TICK_PASSIVITY == TickFlags::PASSIVITY.bits());
     assert!(PALPATE_TICK_POWER_LIMITED == TickFlags::POWER_LIMITED.bits());
     assert!(PALPATE_TICK_LATE == TickFlags::LATE.bits());
     assert!(PALPATE_TICK_JUMPED == TickFlags::JUMPED.bits());
 };
+
+/// Flags of a tick that a driver is not told: that contacts are those of the tick itself is no news, and a device that does
+/// not answer is the driver's own.
+const UNTOLD: u32 = TickFlags::LOCAL.bits() | TickFlags::DEVICE_ERROR.bits();
+
+/// Flags of a tick that a driver is told.
+const TOLD: u32 = PALPATE_TICK_NEW_STEP
+    | PALPATE_TICK_NO_STEP
+    | PALPATE_TICK_AT_REST
+    | PALPATE_TICK_STALE
+    | PALPATE_TICK_FADE_IN
+    | PALPATE_TICK_FORCE_LIMITED
+    | PALPATE_TICK_TORQUE_LIMITED
+    | PALPATE_TICK_SLEW_LIMITED
+    | PALPATE_TICK_NON_FINITE
+    | PALPATE_TICK_GAP
+    | PALPATE_TICK_NOT_CONVERGED
+    | PALPATE_TICK_TRUNCATED
+    | PALPATE_TICK_BAD_POSE
+    | PALPATE_TICK_BEYOND_PATCH
+    | PALPATE_TICK_PASSIVITY
+    | PALPATE_TICK_POWER_LIMITED
+    | PALPATE_TICK_LATE
+    | PALPATE_TICK_JUMPED;
+
+// A new flag is named in the header, or said to be untold.
+const _: () = assert!(TOLD ^ UNTOLD == (1 << TickFlags::COUNT) - 1 && TOLD & UNTOLD == 0);
 
 /// What a tick answers, in the device's frame. Set struct_size once; the library fills in the rest at every call.
 #[repr(C)]
@@ -88,11 +118,11 @@ pub struct Output {
     pub tool_position: [f64; 3],
     /// Its orientation: quaternion w, x, y, z.
     pub tool_orientation: [f64; 4],
-    /// Smallest gap between tool and skin (m); infinite where none is watched.
+    /// Smallest gap between tool and skin (m); +infinity where none is watched.
     pub gap: f64,
     /// Share of the contact force that is let through, 0 to 1.
     pub gain: f64,
-    /// Age of the tissue's latest step (s); infinite before the first.
+    /// Age of the tissue's latest step (s); +infinity before the first, and where the call is refused.
     pub step_age: f64,
     /// Time since the tick before that was counted with (s).
     pub dt: f64,
@@ -100,7 +130,7 @@ pub struct Output {
     pub work: f64,
     /// Contacts that carry force.
     pub contacts: u32,
-    /// One of PALPATE_PHASE_...
+    /// One of PALPATE_PHASE_...; where port is NULL, or a mistake inside the library has ended it, PALPATE_PHASE_FAILED.
     pub phase: u32,
     /// Energy that went through the port in the contact that lasts (J); positive: the hand has put it in.
     pub energy: f64,
@@ -152,7 +182,7 @@ impl Output {
         let [x, y, z, w]: [f64; 4] = report.tool.rotation.coords.into();
         Self {
             struct_size: size_of::<Self>() as u32,
-            flags: r.flags.bits() | clock,
+            flags: r.flags.bits() & TOLD | clock,
             tick: r.index,
             force: report.wrench.force.into(),
             torque: report.wrench.torque.into(),

@@ -4,7 +4,7 @@ use std::cell::UnsafeCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use palpate::session::Port as SessionPort;
+use palpate::session::{PhaseReader, Port as SessionPort};
 use palpate::tick::TickFlags;
 
 use crate::input::Input;
@@ -17,18 +17,21 @@ pub struct Port {
     busy: AtomicBool,
     /// A tick has panicked: the state is not to be trusted any more.
     broken: AtomicBool,
+    phase: PhaseReader,
     port: UnsafeCell<SessionPort>,
 }
 
 impl Port {
     pub(crate) fn new(port: SessionPort) -> Self {
-        Self { busy: AtomicBool::new(false), broken: AtomicBool::new(false), port: UnsafeCell::new(port) }
+        let (busy, broken, phase) = (AtomicBool::new(false), AtomicBool::new(false), port.phase_reader());
+        Self { busy, broken, phase, port: UnsafeCell::new(port) }
     }
 
     /// Takes the port for one tick, or answers that another thread has it.
     fn tick(&self, input: Result<Input, Status>) -> (Output, Status) {
         if self.busy.swap(true, Ordering::Acquire) {
-            return (Output::absent(), Status::ErrorBusy);
+            // What the simulation does is no secret of the thread that has the port.
+            return (Output { phase: self.phase.phase() as u32, ..Output::absent() }, Status::ErrorBusy);
         }
         let _free = Free(&self.busy);
         if self.broken.load(Ordering::Relaxed) {
@@ -81,7 +84,7 @@ fn answer(port: &mut SessionPort, input: Result<Input, Status>) -> (Output, Stat
 pub unsafe extern "C" fn palpate_tick(port: *const Port, input: *const Input, output: *mut Output) -> Status {
     // A force that cannot arrive must not be taken for sent.
     // SAFETY: as the caller promises.
-    let input = unsafe { layout::room(output).and_then(|()| layout::read(input)) };
+    let input = unsafe { layout::room(output).and_then(|()| layout::read(input)) }.and_then(Input::checked);
     // SAFETY: as the caller promises.
     let (answer, status) = match unsafe { port.as_ref() } {
         None => (Output::absent(), Status::ErrorNull),

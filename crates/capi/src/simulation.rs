@@ -6,8 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use palpate::run::RunOptions;
 use palpate::scene::{Scene, SceneError};
-use palpate::session::{Phase, Session, raise_priority};
-use palpate::summary::RunEnd;
+use palpate::session::{Phase, PortConfigError, Session, raise_priority};
 use palpate::world::{ChangeError, ChangeRequest, World};
 
 use crate::layout::{self, Layout};
@@ -98,7 +97,10 @@ unsafe fn create(
         };
         let refused = |e: SceneError| fail(Status::ErrorScene, &full_text(&e));
         let mut scene = scene()?.map_err(refused)?;
-        options.port()?.apply(&mut scene).map_err(refused)?;
+        options.port()?.apply(&mut scene).map_err(|e| match e {
+            PortConfigError::Option { .. } => fail(Status::ErrorArgument, &e.to_string()),
+            PortConfigError::Scene(e) => refused(e),
+        })?;
         // SAFETY: the caller's options hold a text or NULL.
         let options = unsafe { options.run() }?;
         let world = Arc::new(scene.build().map_err(refused)?);
@@ -233,8 +235,8 @@ pub unsafe extern "C" fn palpate_change(simulation: *const Simulation, change: *
 }
 
 /// Ends the threads and the trace, and waits for them: at most the time of a step and 0.1 s. The driver may go on
-/// ticking meanwhile and afterwards; the force comes down to zero within the limits. A simulation whose body failed is
-/// stopped without an error; palpate_statistics tells.
+/// ticking meanwhile and afterwards; the force comes down to zero within the limits. PALPATE_STATUS_NOTICE where the body
+/// has failed or the trace is not whole; palpate_last_error tells.
 ///
 /// # Safety
 /// `simulation` is NULL or was created and not destroyed.
@@ -243,11 +245,11 @@ pub unsafe extern "C" fn palpate_stop(simulation: *const Simulation) -> Status {
     let stop = |session: &mut Session| match session.stop() {
         None => Status::Ok,
         Some(Ok(outcome)) => {
-            if outcome.summary.end == RunEnd::BodyFailed {
-                // Not an error of this call, but the place to read why.
-                fail(Status::Notice, &outcome.summary.notes.join("\n"));
-            }
-            Status::Ok
+            let trace = outcome.summary.trace.as_ref();
+            let lost = trace.and_then(|t| t.error.as_ref().map(|e| format!("the trace {}: {e}", t.path.display())));
+            let told: Vec<String> = outcome.summary.notes.into_iter().chain(lost).collect();
+            // Not an error of this call, but the place to read it.
+            if told.is_empty() { Status::Ok } else { fail(Status::Notice, &told.join("\n")) }
         }
         Some(Err(error)) => fail(Status::ErrorSetUp, &error.to_string()),
     };

@@ -10,13 +10,15 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 pub enum Status {
     /// Done.
     Ok = 0,
-    /// Done, and the flags of the output say something: the force fades, is limited, or there is none yet.
+    /// Done, and the flags of the output say something: the force fades, is limited, or there is none yet. Of
+    /// palpate_stop: palpate_last_error has something to tell.
     Notice = 1,
     /// A pointer is NULL.
     ErrorNull = -1,
     /// The struct_size of a struct is too small for what every version of it holds.
     ErrorStructSize = -2,
-    /// A number is out of its range, or a text is not UTF-8.
+    /// A number is out of its range, a text is not UTF-8, or a bit or a reserved field is set that this library does not
+    /// know.
     ErrorArgument = -3,
     /// The scene cannot be read, or is wrong.
     ErrorScene = -4,
@@ -39,7 +41,9 @@ impl Status {
             Self::Notice => c"done; the flags of the output say more",
             Self::ErrorNull => c"a pointer is NULL",
             Self::ErrorStructSize => c"struct_size is too small: set it to sizeof the struct",
-            Self::ErrorArgument => c"a number is out of its range, or a text is not UTF-8",
+            Self::ErrorArgument => {
+                c"a number is out of its range, a text is not UTF-8, or a bit is set that is not known"
+            }
             Self::ErrorScene => c"the scene cannot be read, or is wrong",
             Self::ErrorSetUp => c"the scene cannot be set up",
             Self::ErrorPhase => c"not allowed in the present phase of the simulation",

@@ -6,9 +6,10 @@ mod rig;
 
 use std::ffi::{CStr, CString};
 use std::ptr;
+use std::time::Duration;
 
 use palpate_capi::*;
-use rig::{Rig, SCENE, create, last_error, open_port, options};
+use rig::{Rig, SCENE, create, input, last_error, norm, open_port, options};
 
 #[test]
 fn mistakes_of_a_scene_are_told_with_their_place() {
@@ -29,21 +30,37 @@ fn mistakes_of_a_scene_are_told_with_their_place() {
 
 #[test]
 fn options_out_of_their_range_are_refused_by_name() {
+    let axes = [1, 2, 3];
     let refused = [
-        (Options { rate: 50.0, ..options() }, Status::ErrorScene, "100"),
-        (Options { rate: f64::NAN, ..options() }, Status::ErrorScene, "8000"),
-        (Options { max_force: -1.0, ..options() }, Status::ErrorScene, "maximum force"),
-        (Options { force_slew: f64::INFINITY, ..options() }, Status::ErrorScene, "force_slew"),
-        (Options { stale_after: 2.0, ..options() }, Status::ErrorScene, "stale_zero"),
-        (Options { axes: [1, 2, 4], ..options() }, Status::ErrorArgument, "4 is no axis"),
-        (Options { axes: [2, 1, 3], ..options() }, Status::ErrorScene, "cross product"),
-        (Options { struct_size: 3, ..options() }, Status::ErrorStructSize, "struct_size"),
+        (Options { rate: 50.0, ..options() }, "rate: ", "100"),
+        (Options { rate: f64::NAN, ..options() }, "rate: ", "8000"),
+        (Options { max_force: -1.0, ..options() }, "max_force: ", "maximum force"),
+        (Options { force_slew: f64::INFINITY, ..options() }, "force_slew: ", "inf"),
+        (Options { stale_after: 2.0, ..options() }, "stale_after: ", "stale_zero"),
+        (Options { gap: 1e-9, ..options() }, "gap: ", "limits.gap above 0.001"),
+        (Options { axes: [1, 2, 4], ..options() }, "axes: ", "4 is no axis"),
+        (Options { axes: [2, 1, 3], ..options() }, "axes: ", "cross product"),
+        (Options { origin: [0.0, f64::NAN, 0.0], axes, ..options() }, "origin: ", "NaN"),
+        (Options { origin: [0.0, 1e300, 0.0], axes, ..options() }, "origin: ", "1000"),
+        (Options { origin: [0.0, f64::NAN, 0.0], ..options() }, "origin: ", "axes"),
+        (Options { origin: [0.1, 0.0, 0.0], ..options() }, "origin: ", "axes"),
+        (Options { threads: 1025, ..options() }, "threads: ", "1024"),
+        (Options { threads: u32::MAX, ..options() }, "threads: ", "1024"),
+        (Options { switches: 0xff, ..options() }, "switches: ", "0xfe"),
+        (Options { reserved: 1, ..options() }, "reserved: ", "zero"),
+        (Options { reserved_switches: 1, ..options() }, "reserved: ", "zero"),
+        (Options { trace: c"".as_ptr(), ..options() }, "trace: ", "NULL"),
     ];
-    for (options, expected, word) in refused {
+    for (options, name, word) in refused {
         let (status, simulation) = create(SCENE, &options);
-        assert_eq!((status, simulation.is_null()), (expected, true), "{word}: {}", last_error());
-        assert!(last_error().contains(word), "{word}: {}", last_error());
+        assert_eq!((status, simulation.is_null()), (Status::ErrorArgument, true), "{name}{word}: {}", last_error());
+        let said = last_error();
+        assert!(said.starts_with(name) && said.contains(word), "{name}{word}: {said}");
+        assert!(!said.contains("as changed") && !said.contains("999999"), "{said}");
     }
+    let (status, _) = create(SCENE, &Options { struct_size: 3, ..options() });
+    assert_eq!(status, Status::ErrorStructSize);
+    assert!(last_error().contains("struct_size"));
 }
 
 #[test]
@@ -111,8 +128,11 @@ fn a_stopped_simulation_begins_anew_from_rest_with_another_port() {
     assert_eq!(status, Status::Ok, "{}", last_error());
     let old = std::mem::replace(&mut rig.port, port);
     assert_eq!(rig.start(), Status::Ok);
-    let second = rig.press(0.004);
-    assert!(second.tick < first.tick + 10_000 && rig.statistics().phase == PALPATE_PHASE_RUNNING);
+    let (_, begin) = rig.tick_at(-0.008);
+    assert_eq!((begin.tick, begin.contacts), (0, 0), "after {} ticks with the port before", first.tick);
+    assert!(begin.flags & PALPATE_TICK_NO_STEP != 0, "the tissue waits for the first tick: {begin:?}");
+    rig.press(0.004);
+    assert_eq!(rig.statistics().phase, PALPATE_PHASE_RUNNING);
     // SAFETY: the old port has not been closed, and nobody ticks with it.
     assert_eq!(unsafe { palpate_close_port(old) }, Status::Ok);
 }
@@ -128,13 +148,32 @@ fn a_simulation_that_was_never_started_is_freed() {
 #[test]
 fn a_bundled_scene_is_found_by_name_and_limits_are_those_of_the_options() {
     let name = CString::new("block").unwrap();
-    let given = Options { max_force: 1.5, rate: 500.0, axes: [2, -1, 3], ..options() };
+    // The device's x points up.
+    let given = Options { max_force: 0.2, rate: 500.0, axes: [3, 1, 2], ..options() };
     let mut simulation = ptr::null_mut();
     // SAFETY: a text, a struct and a pointer of this function.
     let status = unsafe { palpate_create_from_file(name.as_ptr(), &raw const given, &raw mut simulation) };
     assert_eq!(status, Status::Ok, "{}", last_error());
-    // SAFETY: nobody uses it any more.
-    unsafe { palpate_destroy(simulation) };
+    let (status, port) = open_port(simulation);
+    assert_eq!(status, Status::Ok, "{}", last_error());
+    let rig = Rig { simulation, port, begin: std::time::Instant::now() };
+    assert_eq!(rig.start(), Status::Ok);
+    // The ball of 12 mm touches the block at a height of 42 mm.
+    let tick = || rig.tick(&input(rig.now(), [0.035, 0.0, 0.0])).1;
+    assert_eq!(tick().dt, 1.0 / 500.0, "the first tick has no other period than that of the options");
+    let begin = std::time::Instant::now();
+    let limited = loop {
+        std::thread::sleep(Duration::from_millis(1));
+        let output = tick();
+        assert!(norm(output.force) <= 0.2 * (1.0 + 1e-12), "{output:?}");
+        if output.gain == 1.0 && output.flags & PALPATE_TICK_FORCE_LIMITED != 0 {
+            break output;
+        }
+        assert!(begin.elapsed() < Duration::from_secs(20), "the force never reached its limit: {output:?}");
+    };
+    let [up, y, z] = limited.force;
+    assert!(up > 0.19 && y.hypot(z) < 0.05, "{limited:?}");
+    assert!(norm(limited.contact_force) > 0.2);
 }
 
 #[test]
@@ -150,8 +189,29 @@ fn a_body_that_fails_ends_the_force_and_says_why() {
     let last = rig.tick_until(0.004, "the failure", |o| o.phase == PALPATE_PHASE_FAILED);
     assert_eq!(last.force, [0.0; 3]);
     assert_eq!(rig.statistics().phase, PALPATE_PHASE_FAILED);
-    assert_eq!(rig.stop(), Status::Ok);
+    assert_eq!(rig.stop(), Status::Notice);
     assert!(last_error().contains("rolled back"), "{}", last_error());
+}
+
+#[test]
+fn a_trace_that_cannot_be_made_is_refused_before_anything_runs() {
+    let path = CString::new("/no/such/folder/driver.mcap").unwrap();
+    let (status, simulation) = create(SCENE, &Options { trace: path.as_ptr(), ..options() });
+    assert_eq!(status, Status::Ok, "{}", last_error());
+    let (status, port) = open_port(simulation);
+    assert_eq!((status, port.is_null()), (Status::ErrorSetUp, true));
+    assert!(last_error().contains("/no/such/folder/driver.mcap"), "{}", last_error());
+    // SAFETY: nobody uses it any more.
+    unsafe { palpate_destroy(simulation) };
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_trace_that_finds_no_room_is_told_when_it_ends() {
+    let rig = Rig::started(&Options { trace: c"/dev/full".as_ptr(), ..options() });
+    rig.press(0.004);
+    assert_eq!(rig.stop(), Status::Notice);
+    assert!(last_error().contains("/dev/full"), "{}", last_error());
 }
 
 #[test]

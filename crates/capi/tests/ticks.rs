@@ -10,14 +10,10 @@ use std::time::Duration;
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, violation_count};
 use palpate_capi::*;
-use rig::{Rig, input, norm, options, stale_output};
+use rig::{Rig, input, is_silent, norm, options, stale_output};
 
 #[global_allocator]
 static GUARD: AllocDisabler = AllocDisabler;
-
-fn is_silent(output: &Output) -> bool {
-    output.force == [0.0; 3] && output.torque == [0.0; 3]
-}
 
 #[test]
 fn force_is_zero_in_air_opposes_penetration_and_grows_with_it() {
@@ -59,7 +55,12 @@ fn a_pose_that_is_no_pose_ends_the_force_at_once_and_its_return_is_a_ramp() {
         let (_, after) = rig.tick_at(0.004);
         assert!(after.gain < 0.5 && after.flags & PALPATE_TICK_FADE_IN != 0, "{after:?}");
     }
-    assert!(rig.statistics().refused <= 5);
+    let begin = std::time::Instant::now();
+    // Some 50 ms old.
+    while rig.statistics().refused < bad.len() as u64 && begin.elapsed() < Duration::from_secs(10) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert_eq!(rig.statistics().refused, bad.len() as u64);
 }
 
 #[test]
@@ -120,46 +121,6 @@ fn an_input_of_an_older_version_is_understood() {
         std::thread::sleep(Duration::from_millis(1));
     }
     assert!(force > 0.3 * wanted, "{force} N of {wanted} N");
-}
-
-#[test]
-fn a_second_thread_is_refused_with_a_status_and_no_force() {
-    let rig = Rig::started(&options());
-    rig.press(0.004);
-    let (port, end) = (rig.port as usize, AtomicBool::new(false));
-    let hammer = || {
-        let (mut refused, mut done) = (0_u64, 0_u64);
-        while !end.load(Ordering::Relaxed) {
-            let mut output = stale_output();
-            let given = input(0, [0.0, 0.0, -0.016]);
-            // SAFETY: the port lives until the threads have ended.
-            let status = unsafe { palpate_tick(port as *const Port, &raw const given, &raw mut output) };
-            if status == Status::ErrorBusy {
-                refused += 1;
-                assert!(is_silent(&output) && output.flags == PALPATE_TICK_REFUSED);
-            } else {
-                done += 1;
-                assert!((status as i32) >= 0 && norm(output.force) < 12.0, "{status:?} {output:?}");
-            }
-            if refused > 20 && done > 20 {
-                end.store(true, Ordering::Relaxed);
-            }
-        }
-        (refused, done)
-    };
-    let (a, b) = std::thread::scope(|scope| {
-        let (a, b) = (scope.spawn(hammer), scope.spawn(hammer));
-        std::thread::sleep(Duration::from_millis(50));
-        let begin = std::time::Instant::now();
-        while !end.load(Ordering::Relaxed) {
-            assert!(begin.elapsed() < Duration::from_secs(20), "the threads never met");
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        (a.join().unwrap(), b.join().unwrap())
-    });
-    assert!(a.0 + b.0 > 20 && a.1 + b.1 > 20, "{a:?} {b:?}");
-    let (status, _) = rig.tick_at(0.004);
-    assert!((status as i32) >= 0, "one thread alone is let in again");
 }
 
 #[test]

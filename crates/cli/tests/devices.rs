@@ -141,4 +141,9 @@ fn devices_are_listed_with_why_not_for_those_that_are_not_found() {
     assert!(line("force_dimension").contains(" found ") && line("force_dimension").contains("1 connected"));
     assert!(line("openhaptics").contains("not found") && line("openhaptics").contains("nowhere.so"));
     assert!(line("haply").contains("not found") && line("haply").contains("refused"));
+    // A name without a folder is that of the file in this one.
+    let output = run(&folder(&place), "devices --dhd libdhd.so --hd nowhere.so --haply ws://127.0.0.1:1", &[]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    let found = text.lines().find(|line| line.starts_with("force_dimension"));
+    assert!(found.is_some_and(|line| line.contains(" found ") && line.contains("1 connected")), "{text}");
 }

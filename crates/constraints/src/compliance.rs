@@ -168,6 +168,11 @@ impl<W> ComplianceWorkspace<W> {
     }
 
     /// The inverse's own workspace.
+    pub fn inverse(&self) -> &W {
+        &self.inverse
+    }
+
+    /// The same, to change it.
     pub fn inverse_mut(&mut self) -> &mut W {
         &mut self.inverse
     }

@@ -44,6 +44,21 @@ impl PrecomputedWorkspace {
         self.gather = Some(GatherWorkspace::new(surface, self.reach.max_rows()));
     }
 
+    /// The memory for half solves.
+    pub fn reach(&self) -> &ReachWorkspace {
+        &self.reach
+    }
+
+    /// The same, to change it.
+    pub fn reach_mut(&mut self) -> &mut ReachWorkspace {
+        &mut self.reach
+    }
+
+    /// Solves by the factor's copy in 16 bits that were asked for and done by its stored values, since this was asked last.
+    pub fn take_in_full(&mut self) -> u32 {
+        self.reach.take_in_full() + self.solve.take_in_full()
+    }
+
     /// Whether the latest `W` was gathered.
     pub fn is_gathered(&self) -> bool {
         self.gathered.is_some()

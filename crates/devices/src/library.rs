@@ -25,7 +25,8 @@ pub(crate) struct VendorLibrary {
 }
 
 impl VendorLibrary {
-    /// Loads the named file, or the first of the vendor's names that the system finds.
+    /// Loads the named file, or the first of the vendor's names that the system finds. A name without a folder is a file
+    /// of the working folder where there is one, and else one that the system looks for.
     pub(crate) fn open(origin: &Origin, named: Option<&Path>) -> Result<Self, DriverError> {
         let mut tried = Vec::new();
         let candidates: Vec<&Path> = match named {
@@ -33,10 +34,12 @@ impl VendorLibrary {
             None => origin.names.iter().map(Path::new).collect(),
         };
         for path in candidates {
+            let here = Path::new(".").join(path);
+            let file = if named.is_some() && here.exists() { here.as_path() } else { path };
             // SAFETY: loading runs the library's initialisers. The user has named the file or installed the vendor's
             // SDK in order to run it in this program.
-            match unsafe { libloading::Library::new(path.as_os_str()) } {
-                Ok(library) => return Ok(Self { library, path: path.into(), vendor: origin.vendor }),
+            match unsafe { libloading::Library::new(file.as_os_str()) } {
+                Ok(library) => return Ok(Self { library, path: file.into(), vendor: origin.vendor }),
                 Err(error) => tried.push(format!("{}: {}", path.display(), full_text(&error))),
             }
         }

@@ -9,6 +9,7 @@
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use palpate_haptics::SetupError;
 use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, HapticDevice, TickTime};
+use palpate_haptics::tick::MAX_COORDINATE;
 use palpate_haptics::wrench::{Twist, Wrench};
 use serde::{Deserialize, Serialize};
 
@@ -74,10 +75,11 @@ impl Place {
     /// The place that a scene describes.
     ///
     /// # Errors
-    /// An origin that is not finite, axes that are not three different ones or not right-handed.
+    /// An origin beyond [`MAX_COORDINATE`], where no pose would be one, axes that are not three different ones or not right-handed.
     pub fn new(config: &PlaceConfig) -> Result<Self, SetupError> {
-        if let Some(value) = config.origin.into_iter().find(|x| !x.is_finite()) {
-            return Err(SetupError::OutOfRange { what: "device origin (m)", value, range: "finite" });
+        if let Some(value) = config.origin.into_iter().find(|x| x.is_nan() || x.abs() > MAX_COORDINATE) {
+            let range = "-1000 to 1000, beyond which no pose is believed";
+            return Err(SetupError::OutOfRange { what: "device origin (m)", value, range });
         }
         let axes = Matrix3::from_columns(&config.axes.map(Direction::vector));
         let value = axes.determinant();

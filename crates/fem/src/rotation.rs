@@ -6,6 +6,7 @@
 #![allow(non_snake_case)]
 
 use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
 
 use crate::{
     element::{
@@ -184,6 +185,9 @@ pub fn cofactor(F: &Matrix3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[b.cross(&c), c.cross(&a), a.cross(&b)])
 }
 
+/// Nodes whose rotations one task finds.
+const NODES: usize = 512;
+
 /// Rotation of every free node from configuration `q_from` to `q_to`.
 ///
 /// The rotation nearest to the mean, over the elements at a node or the points of quadratic ones, of the relative
@@ -191,7 +195,7 @@ pub fn cofactor(F: &Matrix3<f64>) -> Matrix3<f64> {
 /// the mean of the elements' rotations, which costs a polar decomposition for each; there are four to five elements to a
 /// node, and a factor that is warped by either takes as many iterations. An element that is flat in `q_from`, or not
 /// finite, adds the identity. Lengths: `q_from`, `q_to` one position per node (m); `rotations` one matrix per free node.
-/// Runs on one thread, allocates nothing; elements are added in mesh order.
+/// Allocates nothing; elements are added in mesh order on one thread, the nodes' rotations found on all of a pool.
 pub fn nodal_rotations(
     model: &FemModel,
     q_from: &[Vector3<f64>],
@@ -211,8 +215,11 @@ pub fn nodal_rotations(
             rotations[k as usize] += weighted;
         }
     }
-    for rotation in rotations {
-        *rotation = polar_rotation(rotation);
+    let nearest = |rotations: &mut [Matrix3<f64>]| rotations.iter_mut().for_each(|r| *r = polar_rotation(r));
+    if rayon::current_num_threads() > 1 {
+        rotations.par_chunks_mut(NODES).for_each(nearest);
+    } else {
+        nearest(rotations);
     }
 }
 

@@ -7,7 +7,9 @@ use std::sync::Arc;
 
 use factor_bodies::{Body, Random, relative_difference};
 use nalgebra::Matrix3;
-use palpate_fem::factor::{Factor, FactorStatus, LeftLookingFactor, SolveWorkspace, SymbolicFactor};
+use palpate_fem::factor::{
+    Factor, FactorStatus, LeftLookingFactor, ReachStatus, ReachWorkspace, SolveWorkspace, SymbolicFactor,
+};
 use palpate_fem::ordering::{NodeOrdering, approximate_minimum_degree, plane_dissection};
 use palpate_fem::pcg::{PcgConfig, PcgStatus, PcgWorkspace, pcg};
 use palpate_fem::preconditioner::WarpedPreconditioner;
@@ -194,11 +196,30 @@ fn a_copy_that_would_overflow_is_not_used() {
     a.blocks.iter_mut().for_each(|block| *block *= 1e90);
     let symbolic = Arc::new(SymbolicFactor::new(&body.pattern, &body.positions).unwrap());
     let mut factor = Factor::with_packed_copy(symbolic.clone());
-    assert_eq!(factor.refactor(&a).status, FactorStatus::Ok);
+    let report = factor.refactor(&a);
+    assert_eq!((report.status, report.copy_refused), (FactorStatus::Ok, true));
     let b = Random(17).vector(3 * body.free_nodes());
     let (mut x, mut y) = (b.clone(), b);
     let mut workspace = SolveWorkspace::new(&symbolic);
     assert!(factor.solve(&mut x, &mut workspace).is_ok());
+    assert_eq!(workspace.take_in_full(), 0, "no copy was asked for");
     assert!(factor.precondition(&mut y, &mut workspace).is_ok());
     assert_eq!(x, y);
+    assert_eq!([workspace.take_in_full(), workspace.take_in_full()], [1, 0]);
+    // the first correction that begins an iteration as well
+    let rows = body.contact_rows(4, 18);
+    let mut reach = ReachWorkspace::new(&symbolic, 12);
+    assert_eq!(factor.half_solve(&rows, &mut reach).status, ReachStatus::Ok);
+    assert!(factor.guess_correction(&vec![1.0; rows.len()], &mut x, &mut reach).is_ok());
+    assert!(factor.correct(&vec![1.0; rows.len()], &mut y, &mut reach).is_ok());
+    assert_eq!((x == y, reach.take_in_full()), (true, 1));
+    // a copy that serves is used, and a factor without one is not asked for it
+    a.blocks.iter_mut().for_each(|block| *block *= 1e-90);
+    let mut plain = Factor::new(symbolic);
+    for factor in [&mut factor, &mut plain] {
+        let report = factor.refactor(&a);
+        assert_eq!((report.status, report.copy_refused), (FactorStatus::Ok, false));
+        assert!(factor.precondition(&mut x, &mut workspace).is_ok());
+        assert_eq!(workspace.take_in_full(), 0);
+    }
 }

@@ -169,15 +169,17 @@ fn unit_rows(nodes: &[u32]) -> NodalRows {
     rows
 }
 
-/// Contacts, the nodes around them, the same again, more than there is room for beside them, one row of three new nodes and
-/// one of none, contacts elsewhere.
-fn rows_of_some_steps(body: &Body) -> [NodalRows; 6] {
+/// Contacts, the nodes around them, the same again, many others, one row of three new nodes and one of none, contacts
+/// elsewhere, and more nodes than there is room for beside all these.
+fn rows_of_some_steps(body: &Body) -> [NodalRows; 7] {
     let some: Vec<u32> = (0..60).map(|k| 7 * k).collect();
     let mut alone = NodalRows::with_capacity(2, 3);
     alone.push_row([(3, Vector3::x()), (40, Vector3::y()), (80, Vector3::z())]);
     alone.push_row([]);
+    let others: Vec<u32> = (0..80).map(|k| 7 * k + 3).collect();
     let contacts = body.contact_rows(30, 31);
-    [contacts.clone(), unit_rows(&some[..20]), contacts, unit_rows(&some), alone, body.scattered_contact_rows(20, 32)]
+    let scattered = body.scattered_contact_rows(20, 32);
+    [contacts.clone(), unit_rows(&some[..20]), contacts, unit_rows(&some), alone, scattered, unit_rows(&others)]
 }
 
 #[test]
@@ -188,7 +190,7 @@ fn compliance_by_kept_nodes_is_that_by_rows_whatever_came_before() {
     let mut kept = ReachWorkspace::new(&symbolic, 240).keeping_nodes(&symbolic);
     let mut plain = ReachWorkspace::new(&symbolic, 240);
     let sequence = rows_of_some_steps(&body);
-    let mut by_nodes = 0;
+    let (mut by_nodes, mut forgotten, mut most) = (0, 0, 0);
     for seed in [33, 34] {
         assert_eq!(factor.refactor(&body.system(seed)).status, FactorStatus::Ok);
         for (k, rows) in sequence.iter().chain(&sequence).enumerate() {
@@ -202,6 +204,8 @@ fn compliance_by_kept_nodes_is_that_by_rows_whatever_came_before() {
             assert!(difference < 1e-12, "rows {k}: {difference:e}");
             // by another way the last digits are others
             by_nodes += usize::from(w != expected);
+            forgotten += usize::from(kept.kept_nodes() < most);
+            most = kept.kept_nodes();
             let lambda = Random(35).vector(m);
             let [mut x, mut y, mut z] = [(); 3].map(|()| vec![0.0; 3 * body.free_nodes()]);
             assert!(factor.correct(&lambda, &mut x, &mut kept).is_ok());
@@ -214,7 +218,8 @@ fn compliance_by_kept_nodes_is_that_by_rows_whatever_came_before() {
         }
     }
     // not the row of three nodes, nor scattered contacts that touch more nodes than they have rows
-    assert!(by_nodes >= 8, "{by_nodes} of 24");
+    assert!(by_nodes >= 8, "{by_nodes} of 28");
+    assert!(forgotten > 2, "{forgotten} times, one of which is the other factor");
     // a failed compliance leaves nothing that a correction would use
     let unknown = unit_rows(&[body.free_nodes() as u32]);
     let status = factor.compliance_into(&unknown, 1.0, &mut DMatrix::zeros(3, 3), &mut kept).status;

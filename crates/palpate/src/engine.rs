@@ -10,10 +10,10 @@ use crate::changes::{ChangeQueue, taken};
 use crate::factor_thread::FactorThreadDeath;
 use crate::gathering::Gathering;
 use crate::problem_files::ProblemFiles;
-use crate::record::{FactorLine, StepLine, TickLine, TraceLines};
+use crate::record::{FactorLine, NoTrace, StepLine, TickLine, TraceLines};
 use crate::refresh::{FactorSample, Refresh, RefreshPort, refresh};
 use crate::refresh_watch::RefreshWatch;
-use crate::run::{RunError, RunOptions, RunOutcome};
+use crate::run::{MOST_THREADS, RunError, RunOptions, RunOutcome};
 use crate::scene::{Staleness, staleness};
 use crate::session::{Shape, ShapeWriter};
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
@@ -48,7 +48,7 @@ impl<'w> Engine<'w> {
         let mut device = crate::devices::device(world.scene())?;
         let spec = device.spec().clone();
         let first = crate::devices::first_pose(world, device.as_mut());
-        Self::with_tick(world, options, &spec, first, |ends| {
+        Self::with_tick(world, options, &spec, first, NoTrace::GoesOn, |ends| {
             Ticker::new(world, device, ends.snapshots, ends.poses, ends.line)
         })
     }
@@ -62,6 +62,7 @@ impl<'w, T> Engine<'w, T> {
         options: &RunOptions,
         device: &DeviceSpec,
         first: ToolPose,
+        no_trace: NoTrace,
         make: impl FnOnce(TickEnds) -> Result<T, RunError>,
     ) -> Result<Self, RunError> {
         if let Some((Staleness::Gone, sentence)) = staleness(world.description()) {
@@ -75,6 +76,7 @@ impl<'w, T> Engine<'w, T> {
         }
         let mut ws = StepWorkspace::new(world);
         let factor = FactorSample::first(world, &rest, &mut ws)?;
+        let room = factor.room_for_nodes();
         let (port, refresh) = if world.plan().has_factor_thread() {
             let (port, refresh) = refresh(&factor, &ws.fem.system);
             (port, Some(refresh))
@@ -84,12 +86,13 @@ impl<'w, T> Engine<'w, T> {
         let changes = (world.changes_from_outside() > 0).then(|| ChangeQueue::new(world, &mut ws));
         let (pose_writer, poses) = latest(&first);
         let (snapshots, snapshot_reader) = latest(&world.empty_snapshot());
-        let (line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, device, &mut notes)?;
+        let (line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, device, no_trace, &mut notes)?;
         let ticker = make(TickEnds { snapshots: snapshot_reader, poses: pose_writer, line: tick_line })?;
         let state = StepState::new(world, rest);
         ws.problem_files = options.problems.clone().map(ProblemFiles::new);
-        let watch = RefreshWatch::new(world.plan());
-        let stage = StepStage { world, state, ws, port, watch, urged: false, snapshots, poses, line, shape: None };
+        let (watch, nodes) = (RefreshWatch::new(world.plan()), Vec::with_capacity(room));
+        let stage =
+            StepStage { world, state, ws, port, watch, urged: false, nodes, snapshots, poses, line, shape: None };
         Ok(Self { world, stage, refresh, refresh_trace, ticker, trace, notes, changes })
     }
 
@@ -131,6 +134,9 @@ impl<'w, T> Engine<'w, T> {
 
 /// The worker threads of the step.
 pub(crate) fn workers(threads: Option<usize>) -> Result<ThreadPool, RunError> {
+    if let Some(given) = threads.filter(|n| !(1..=MOST_THREADS).contains(n)) {
+        return Err(RunError::Threads(format!("{given} worker threads are outside 1 to {MOST_THREADS}")));
+    }
     ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0))
         .thread_name(|k| format!("palpate-worker-{k}"))
@@ -146,6 +152,8 @@ pub(crate) struct StepStage<'w> {
     port: RefreshPort,
     watch: RefreshWatch,
     urged: bool,
+    /// Free nodes whose half solves the next steps are expected to want.
+    nodes: Vec<u32>,
     snapshots: Writer<HapticSnapshot>,
     poses: Reader<ToolPose>,
     line: StepLine,
@@ -166,9 +174,10 @@ impl StepStage<'_> {
         }
         self.urged = false;
         if report.status == StepStatus::Advanced {
-            let (before, system) = (self.state.state_before(), &self.ws.fem.system);
-            self.port.offer(report.step, time, before, system);
-            self.urged = self.watch.is_too_old(&report) && self.port.urge(report.step, time, before, system);
+            self.ws.latest_nodes(&mut self.nodes);
+            let (before, system, nodes) = (self.state.state_before(), &self.ws.fem.system, &self.nodes);
+            self.port.offer(report.step, time, before, system, nodes);
+            self.urged = self.watch.is_too_old(&report) && self.port.urge(report.step, time, before, system, nodes);
         }
         report
     }

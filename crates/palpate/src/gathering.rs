@@ -55,6 +55,7 @@ pub(crate) struct Gathering {
     rescued: [u64; 4], // repeated; with elements held open; tangled; led
     /// The tangle of the last step, with the time at which it was first seen (s).
     tangle: Option<(f64, Tangle)>,
+    in_full: u64,
     unsettled: u64,
     filtered: u64,
     inverted: u64,
@@ -120,6 +121,7 @@ impl Gathering {
             shortened: 0,
             rescued: [0; 4],
             tangle: None,
+            in_full: 0,
             unsettled: 0,
             filtered: 0,
             inverted: 0,
@@ -176,6 +178,7 @@ impl Gathering {
         self.rescued[3] += u64::from(report.led);
         let since = self.tangle.map_or(report.time, |(since, _)| since);
         self.tangle = report.tangle.map(|tangle| (since, tangle));
+        self.in_full += u64::from(report.in_full > 0);
         self.unsettled += u64::from(report.unsettled);
         self.filtered += u64::from(report.assembly.filtered);
         self.inverted += u64::from(report.assembly.inverted);

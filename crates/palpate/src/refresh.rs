@@ -13,11 +13,12 @@ use std::time::Instant;
 
 use nalgebra::{Vector3, Vector6};
 use palpate_fem::assembly::assemble;
-use palpate_fem::factor::{Factor, FactorStatus, SymbolicFactor};
+use palpate_fem::factor::{Factor, FactorStatus, NodalCompliance, SymbolicFactor};
 use palpate_fem::model::FemState;
 use palpate_fem::sparse::SystemMatrix;
 use palpate_haptics::exchange::{Reader, Writer, latest};
 
+pub use crate::refresh_report::RefreshReport;
 use crate::run::RunError;
 use crate::step::StepWorkspace;
 use crate::world::World;
@@ -33,6 +34,8 @@ pub struct MatrixSample {
     pub q: Vec<Vector3<f64>>,
     /// What its viscous tissue remembered, as [`FemState::memory`]; kept where the body may change.
     pub(crate) memory: Vec<Vector6<f64>>,
+    /// Free nodes whose half solves the next steps are expected to want.
+    pub(crate) nodes: Vec<u32>,
     /// The matrix `A` (kg).
     pub system: SystemMatrix,
 }
@@ -54,6 +57,8 @@ pub struct FactorSample {
     pub(crate) renewed: usize,
     /// `A = Pᵀ L Lᵀ P`, with a copy in 16 bits as the preconditioner of later steps.
     pub factor: Factor,
+    /// Half solves with it, where there is a factor stage to make them.
+    pub(crate) prepared: Option<Box<NodalCompliance>>,
 }
 
 impl FactorSample {
@@ -70,9 +75,21 @@ impl FactorSample {
         system: &SystemMatrix,
     ) -> Result<Self, FactorStatus> {
         let mut factor = Factor::with_packed_copy(Arc::clone(symbolic));
-        match factor.refactor(system).status {
-            FactorStatus::Ok => Ok(Self { epoch, step, time, q: q.into(), memory: Vec::new(), renewed: 0, factor }),
-            status => Err(status),
+        let status = factor.refactor(system).status;
+        let (q, memory, renewed, prepared) = (q.into(), Vec::new(), 0, None);
+        let sample = Self { epoch, step, time, q, memory, renewed, factor, prepared };
+        if status == FactorStatus::Ok { Ok(sample) } else { Err(status) }
+    }
+
+    /// Nodes that it has room to solve for.
+    pub(crate) fn room_for_nodes(&self) -> usize {
+        self.prepared.as_ref().map_or(0, |prepared| prepared.capacity())
+    }
+
+    /// Solves for the nodes that the next steps are expected to want, where there is room for that.
+    pub(crate) fn prepare(&mut self, nodes: &[u32]) {
+        if let Some(prepared) = &mut self.prepared {
+            prepared.prepare(&self.factor, nodes);
         }
     }
 
@@ -91,33 +108,8 @@ impl FactorSample {
             first.remember(&rest.memory);
         }
         ws.precompute(world, &first);
+        first.prepared = ws.room_for_prepared(world);
         Ok(first)
-    }
-}
-
-/// What one refresh did.
-#[derive(Clone, Copy, Debug)]
-pub struct RefreshReport {
-    /// Epoch of the factor that was made, or would have been.
-    pub epoch: u64,
-    /// Step whose matrix was taken.
-    pub step: u64,
-    /// Time of that step (s).
-    pub time: f64,
-    /// Time at which the factor was handed over (s).
-    pub handed_over: f64,
-    /// Work (s).
-    pub work: f64,
-    /// Whether it was urged by the step before its turn.
-    pub early: bool,
-    /// Whether the matrix could be factored; if not, the last good factor stays in use.
-    pub status: FactorStatus,
-}
-
-impl RefreshReport {
-    /// True where there is a new factor.
-    pub fn is_ok(&self) -> bool {
-        self.status == FactorStatus::Ok
     }
 }
 
@@ -166,6 +158,8 @@ pub fn refresh(first: &FactorSample, system: &SystemMatrix) -> (RefreshPort, Ref
         time: first.time,
         q: first.q.clone(),
         memory: first.memory.clone(),
+        // Clones keep what is in them, not what there is room for.
+        nodes: vec![0; first.room_for_nodes()],
         system: system.clone(),
     };
     let (matrix_writer, matrix_reader) = latest(&matrix);
@@ -199,8 +193,9 @@ impl RefreshPort {
         }
     }
 
-    /// Hands a matrix over if the factor stage waits for one; copies it only then.
-    pub fn offer(&mut self, step: u64, time: f64, at: &FemState, system: &SystemMatrix) {
+    /// Hands the matrix of a step over if the factor stage waits for one; copies it only then. The factor will come with half
+    /// solves of the free `nodes`, as far as there is room for them.
+    pub fn offer(&mut self, step: u64, time: f64, at: &FemState, system: &SystemMatrix, nodes: &[u32]) {
         let Link::Stage { matrices, signals, .. } = &mut self.link else { return };
         if !signals.wanted.swap(false, Ordering::AcqRel) {
             return;
@@ -213,19 +208,21 @@ impl RefreshPort {
             sample.memory.clear();
             sample.memory.extend_from_slice(&at.memory);
         }
+        sample.nodes.clear();
+        sample.nodes.extend(nodes.iter().take(sample.nodes.capacity()));
         sample.system.blocks.copy_from_slice(&system.blocks);
         matrices.publish();
     }
 
     /// As [`Self::offer`], before the factor stage asks, and wakes its thread. False where it is at work already.
-    pub fn urge(&mut self, step: u64, time: f64, at: &FemState, system: &SystemMatrix) -> bool {
+    pub fn urge(&mut self, step: u64, time: f64, at: &FemState, system: &SystemMatrix, nodes: &[u32]) -> bool {
         let Link::Stage { signals, .. } = &self.link else { return false };
         let signals = Arc::clone(signals);
         if signals.busy.swap(true, Ordering::AcqRel) {
             return false;
         }
         signals.wanted.store(true, Ordering::Release);
-        self.offer(step, time, at, system);
+        self.offer(step, time, at, system, nodes);
         signals.urged.store(true, Ordering::Release);
         if let Some(thread) = signals.thread.get() {
             thread.unpark();
@@ -277,6 +274,7 @@ impl Refresh {
             (slot.epoch, slot.step, slot.time) = (epoch, sample.step, sample.time);
             slot.q.copy_from_slice(&sample.q);
             slot.remember(&sample.memory);
+            slot.prepare(&sample.nodes);
             self.factors.publish();
             self.epoch = epoch;
         }

@@ -30,6 +30,9 @@ impl Length {
     }
 }
 
+/// Most worker threads of a step: beyond it, a mistake.
+pub const MOST_THREADS: usize = 1024;
+
 /// How to run a scene.
 #[derive(Clone, Debug)]
 pub struct RunOptions {
@@ -37,7 +40,7 @@ pub struct RunOptions {
     pub length: Length,
     /// Virtual time on one thread in place of real time on three: the same bits on every run.
     pub lockstep: bool,
-    /// Worker threads of the step; all cores where `None`.
+    /// Worker threads of the step, 1 to [`MOST_THREADS`]; all cores where `None`.
     pub threads: Option<usize>,
     /// Trace to write.
     pub trace: Option<PathBuf>,

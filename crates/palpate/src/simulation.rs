@@ -22,13 +22,15 @@ pub struct Simulation<'w> {
     world: &'w World,
     state: StepState,
     ws: StepWorkspace,
-    factor: FactorSample,
+    pub(crate) factor: FactorSample,
     spare: Factor,
     snapshot: HapticSnapshot,
     refresh_every: u64,
     settled: Option<EquilibriumReport>,
     watch: Option<RefreshWatch>,
     changes: ChangeQueue,
+    /// Nodes that are solved for with each new factor.
+    nodes: Vec<u32>,
 }
 
 impl<'w> Simulation<'w> {
@@ -41,6 +43,7 @@ impl<'w> Simulation<'w> {
         let mut ws = StepWorkspace::new(world);
         let factor = FactorSample::first(world, &rest, &mut ws)?;
         let changes = ChangeQueue::new(world, &mut ws);
+        let nodes = Vec::with_capacity(factor.room_for_nodes());
         Ok(Self {
             world,
             state: StepState::new(world, rest),
@@ -52,6 +55,7 @@ impl<'w> Simulation<'w> {
             settled: settled.copied(),
             watch: None,
             changes,
+            nodes,
         })
     }
 
@@ -124,6 +128,8 @@ impl<'w> Simulation<'w> {
         if self.world.changes_ever() {
             self.factor.remember(&self.state.state_before().memory);
         }
+        self.ws.latest_nodes(&mut self.nodes);
+        self.factor.prepare(&self.nodes);
     }
 
     /// The world that it simulates: after events, that of the body that they left.

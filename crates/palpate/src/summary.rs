@@ -244,6 +244,8 @@ pub struct RunSummary {
     pub tangled: u64,
     /// Steps that led the body out of a tangle by linear elasticity in place of its law.
     pub led: u64,
+    /// Steps in which the factor's copy in 16 bits could not serve, so that solves went by its stored values.
+    pub in_full: u64,
     /// Steps by Newton's method whose contact forces still changed when their passes were used up.
     pub unsettled: u64,
     /// Elements whose tangent the definiteness filter changed, over all steps.

@@ -98,6 +98,10 @@ pub fn open_port(simulation: *const Simulation) -> (Status, *mut Port) {
     (status, port)
 }
 
+pub fn is_silent(output: &Output) -> bool {
+    output.force == [0.0; 3] && output.torque == [0.0; 3]
+}
+
 pub fn norm(v: [f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }

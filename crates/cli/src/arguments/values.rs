@@ -1,5 +1,6 @@
 //! Values that arguments take, and what is said where they cannot be.
 
+use palpate::run::MOST_THREADS;
 use palpate::solver::gauss_seidel::SweepOrder;
 use palpate::solver::solver::Solver;
 
@@ -50,8 +51,8 @@ pub(super) fn solver_names() -> clap::builder::PossibleValuesParser {
 /// A number of worker threads.
 pub(super) fn threads(text: &str) -> Result<usize, String> {
     match text.parse() {
-        Ok(n @ 1..=1024) => Ok(n),
-        _ => Err("give a number from 1 to 1024".into()),
+        Ok(n @ 1..=MOST_THREADS) => Ok(n),
+        _ => Err(format!("give a number from 1 to {MOST_THREADS}")),
     }
 }
 

@@ -7,8 +7,8 @@
 //! over the free nodes: backward Euler with one linearisation [Baraff, Witkin 1998], unknown `Δv`. One `K` (filtered or
 //! not, as the model says) stands in `A` and in `b`. Fixed nodes have no row and count as resting.
 //!
-//! The same bits come out for any number of threads: on one thread the results of each batch are scattered at once, on
-//! several they are kept and gathered by rows, with the same additions in the same order.
+//! The same bits come out for any number of threads: the elements of a body are summed in parts, and the parts by rows, both in
+//! an order of the body's own.
 
 #![allow(non_snake_case)]
 
@@ -66,21 +66,21 @@ pub struct FemWorkspace {
     pub led: bool,
     /// Upper blocks of `K`.
     upper: Vec<Matrix3<f64>>,
-    /// Results of packs, of one kind or the other: one batch on one thread, all batches on several.
+    /// Results of packs, of one kind or the other: a batch of each part.
     pack_results: Vec<PackMatrices>,
     quadratic_results: Vec<QuadraticPackMatrices>,
+    /// Blocks and forces of all parts.
+    part_blocks: Vec<Matrix3<f64>>,
+    part_forces: Vec<Vector3<f64>>,
     averaging: AveragingWorkspace,
-    /// Whether there is room for the results of all batches.
-    parallel: bool,
 }
 
 impl FemWorkspace {
-    /// Memory for a body. If rayon has several threads here, memory for parallel assembly is included (744 bytes a
-    /// linear or averaged element, 3984 a quadratic one); a workspace made where it has one assembles on one thread everywhere.
+    /// Memory for a body, on one thread or several.
     pub fn new(model: &FemModel) -> Self {
-        let parallel = rayon::current_num_threads() > 1;
-        let batches = if parallel { model.batches().len() } else { 1 };
-        let results = model.packs_of_batch() * batches;
+        let lists = model.pack_lists();
+        let (part_blocks, part_forces) = lists.places();
+        let results = model.packs_of_batch() * lists.parts().len();
         let quadratic = model.element_kind() == ElementKind::Quadratic;
         Self {
             system: SystemMatrix::zeros(model.pattern().clone()),
@@ -94,7 +94,8 @@ impl FemWorkspace {
             pack_results: vec![PackMatrices::ZERO; if quadratic { 0 } else { results }],
             quadratic_results: vec![QuadraticPackMatrices::ZERO; if quadratic { results } else { 0 }],
             averaging: model.averaging().map(|groups| groups.workspace()).unwrap_or_default(),
-            parallel,
+            part_blocks: vec![Matrix3::zeros(); part_blocks],
+            part_forces: vec![Vector3::zeros(); part_forces],
         }
     }
 }

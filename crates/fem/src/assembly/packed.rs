@@ -1,9 +1,10 @@
 //! Where the blocks and forces of packs of elements go: lists built once with the body.
 //!
-//! Each upper block, and each nodal force, is the sum over its elements by pack, then by block of the element, then by
-//! place in the pack, whether packs are scattered one after the other or gathered by rows in parallel: the same additions
-//! in the same order, and so the same bits. Of blocks on the diagonal only the lower triangle is summed, and mirrored at
-//! the end.
+//! A body of many elements is cut into parts, stretches of its packs that are summed side by side. Each has a place of its own
+//! for every block and node that its elements touch, and a block or force of the body is the sum over the parts that have it,
+//! in their order. Within a part elements are added by pack, then by block of the element, then by place in the pack. How a
+//! body is cut depends on its elements alone, and so the bits do not depend on the threads. Of blocks on the diagonal only the
+//! lower triangle is summed, and mirrored at the end.
 
 use std::ops::Range;
 
@@ -19,38 +20,70 @@ use crate::{
 /// Places of a stored triangle in a matrix by columns.
 const LOWER: [usize; 6] = [0, 1, 2, 4, 5, 8];
 
-/// Upper blocks that one task handles.
-pub(super) const CHUNK: usize = 512;
+/// Most parts of a body: as many threads find work.
+const PARTS: usize = 8;
+
+/// Fewest packs of a part, on the mean: a tenth of a millisecond.
+const PACKS_OF_PART: usize = 128;
+
+/// A stretch of the elements, and its places among those of all parts.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Part {
+    pub(super) batches: Range<usize>,
+    pub(super) blocks: Range<usize>,
+    pub(super) nodes: Range<usize>,
+}
 
 /// Lists that take the results of packs to the upper blocks and nodal forces.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct PackLists {
-    /// For each pack the mesh nodes of its elements, by local node and place.
+    /// For each pack the places of the nodes of its elements in its part, by local node and place in the pack; where there is
+    /// one part, the mesh nodes.
     nodes: Vec<[u32; PACK]>,
-    /// For each pack the positions of its blocks in the upper half, by block and place.
+    /// For each pack the places of its blocks in its part, by block and place; where there is one part, in the upper half.
     positions: Vec<[u32; PACK]>,
     /// Position of each diagonal block, ascending.
     diagonals: Vec<u32>,
-    /// For each chunk of upper blocks the range of its entries in `block_sources`.
-    block_start: Vec<u32>,
-    /// `slot << 6 | block`, and the position. A slot is a place among the results of all batches.
-    block_sources: Vec<[u32; 2]>,
-    /// For each mesh node the range of its entries in `force_sources`.
-    force_start: Vec<u32>,
-    /// `slot << 4 | local node`.
-    force_sources: Vec<u32>,
+    parts: Vec<Part>,
+    /// For each upper block, and each mesh node, its places among those of all parts; of no use where there is one part.
+    blocks: Places,
+    forces: Places,
+}
+
+/// Places of numbered things, in ranges of a list.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Places {
+    start: Vec<u32>,
+    places: Vec<u32>,
+}
+
+impl Places {
+    /// From what each place holds.
+    fn new(held: &[u32], things: usize) -> Self {
+        let mut start = vec![0; things + 1];
+        held.iter().for_each(|&thing| start[thing as usize + 1] += 1);
+        (0..things).for_each(|k| start[k + 1] += start[k]);
+        let (mut next, mut places) = (start.clone(), vec![0; held.len()]);
+        for (place, &thing) in (0..).zip(held) {
+            places[next[thing as usize] as usize] = place;
+            next[thing as usize] += 1;
+        }
+        Self { start, places }
+    }
+
+    fn of(&self, thing: usize) -> &[u32] {
+        &self.places[self.start[thing] as usize..self.start[thing + 1] as usize]
+    }
 }
 
 impl PackLists {
-    /// Elements that fit the packed entries.
+    /// Elements whose blocks can be numbered in 31 bits.
     pub(crate) const MAX_ELEMENTS: usize = 1 << 25;
 
-    /// Lists for the packs of consecutive batches, each with the nodes of its elements and their number; a batch has `size`
-    /// packs at most.
+    /// Lists for the packs of consecutive batches, each with the nodes of its elements and their number.
     pub(crate) fn new<const N: usize, const B: usize>(
         packs: &[(&[[u32; N]; PACK], usize)],
         batches: &[Batch],
-        size: usize,
         free_of_node: &[u32],
         pattern: &BlockPattern,
         upper: &UpperBlocks,
@@ -70,33 +103,54 @@ impl PackLists {
             let free = |lane: usize, a: usize| free_of_node[of_element[lane][a] as usize];
             positions.extend(pairs.iter().map(|&(a, b)| row(&|lane| position(free(lane, a), free(lane, b)))));
         }
-        // Result of each pack.
-        let results: Vec<usize> =
-            (0..).zip(batches).flat_map(|(b, batch)| (0..batch.packs.len()).map(move |k| b * size + k)).collect();
-        let entries = |rows: usize| {
-            let slot = move |result: usize, lane: usize, row: usize| ((PACK * result + lane) as u32, row as u32);
-            results.iter().flat_map(move |&result| {
-                (0..rows).flat_map(move |row| (0..PACK).map(move |lane| slot(result, lane, row)))
-            })
-        };
-        let blocks = entries(pairs.len()).zip(positions.iter().flatten()).filter(|(_, p)| **p != NOWHERE);
-        let chunk = |p: u32| (p & !TRANSPOSED) as usize / CHUNK;
-        let blocks = blocks.map(|((slot, k), &p)| (chunk(p), [slot << 6 | k, p]));
-        let (block_start, block_sources) = group(blocks, upper.count().div_ceil(CHUNK));
-        let forces = entries(N).zip(nodes.iter().flatten()).filter(|(_, node)| **node != NOWHERE);
-        let forces = forces.map(|((slot, a), &node)| (node as usize, slot << 4 | a));
-        let (force_start, force_sources) = group(forces, free_of_node.len());
         let diagonals = (0..pattern.rows() as u32).map(|i| position(i, i)).collect();
-        Self { nodes, positions, diagonals, block_start, block_sources, force_start, force_sources }
+        let mut lists = Self { nodes, positions, diagonals, ..Self::default() };
+        lists.cut(batches, (N, N + B), (upper.count(), free_of_node.len()));
+        lists
     }
 
-    /// Adds the results of a range of packs; an empty `upper` gets nothing.
+    /// Cuts the batches into parts of about as many packs; packs have so many rows of nodes and blocks, the body so many upper
+    /// blocks and nodes.
+    fn cut(&mut self, batches: &[Batch], rows: (usize, usize), (blocks, nodes): (usize, usize)) {
+        let packs = batches.last().map_or(0, |batch| batch.packs.end);
+        let count = (packs / PACKS_OF_PART).clamp(1, PARTS.min(batches.len().max(1)));
+        let (mut held_blocks, mut held_nodes, mut from) = (Vec::new(), Vec::new(), 0);
+        for k in 1..=count {
+            let ends = |batch: &Batch| batch.packs.end * count > k * packs;
+            let to =
+                if k == count { batches.len() } else { from + batches[from..].iter().take_while(|b| !ends(b)).count() };
+            let packs = batches[from..to].first().map_or(0..0, |first| first.packs.start..batches[to - 1].packs.end);
+            let mut part = Part { batches: from..to, blocks: 0..blocks, nodes: 0..nodes };
+            if count > 1 {
+                part.nodes = number(&mut self.nodes[rows.0 * packs.start..rows.0 * packs.end], &mut held_nodes);
+                part.blocks = number(&mut self.positions[rows.1 * packs.start..rows.1 * packs.end], &mut held_blocks);
+            }
+            self.parts.push(part);
+            from = to;
+        }
+        if count > 1 {
+            (self.blocks, self.forces) = (Places::new(&held_blocks, blocks), Places::new(&held_nodes, nodes));
+        }
+    }
+
+    /// The parts, in order; there is one at least.
+    pub(crate) fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    /// Blocks and nodes of all parts; none where there is one part, which is summed in its place.
+    pub(super) fn places(&self) -> (usize, usize) {
+        (self.blocks.places.len(), self.forces.places.len())
+    }
+
+    /// Adds the results of a range of packs to the places of their part, whose blocks and forces these are; an empty `blocks`
+    /// gets nothing.
     pub(super) fn scatter<const N: usize, const B: usize>(
         &self,
         packs: Range<usize>,
         results: &[PackShares<N, B>],
-        upper: &mut [Matrix3<f64>],
-        f_int: &mut [Vector3<f64>],
+        blocks: &mut [Matrix3<f64>],
+        part_forces: &mut [Vector3<f64>],
     ) {
         let nodes = self.nodes[N * packs.start..].chunks_exact(N);
         let positions = self.positions[(N + B) * packs.start..].chunks_exact(N + B);
@@ -104,25 +158,25 @@ impl PackLists {
             for (forces, nodes) in result.forces.iter().zip(nodes) {
                 for (lane, &node) in nodes.iter().enumerate() {
                     // `NOWHERE` is beyond the end, here and below.
-                    if let Some(f) = f_int.get_mut(node as usize) {
+                    if let Some(f) = part_forces.get_mut(node as usize) {
                         add_force(f, forces, lane);
                     }
                 }
             }
-            if upper.is_empty() {
+            if blocks.is_empty() {
                 continue;
             }
             let (on_diagonal, others) = positions.split_at(N);
             for (triangle, positions) in result.diagonal.iter().zip(on_diagonal) {
                 for (lane, &p) in positions.iter().enumerate() {
-                    if let Some(sum) = upper.get_mut(p as usize) {
+                    if let Some(sum) = blocks.get_mut(p as usize) {
                         add_triangle(sum, triangle, lane);
                     }
                 }
             }
             for (block, positions) in result.off_diagonal.iter().zip(others) {
                 for (lane, &p) in positions.iter().enumerate() {
-                    if let Some(sum) = upper.get_mut((p & !TRANSPOSED) as usize) {
+                    if let Some(sum) = blocks.get_mut((p & !TRANSPOSED) as usize) {
                         add_block(sum, block, lane, p & TRANSPOSED != 0);
                     }
                 }
@@ -130,55 +184,43 @@ impl PackLists {
         }
     }
 
-    /// Completes the blocks on the diagonal.
-    pub(super) fn finish(&self, upper: &mut [Matrix3<f64>]) {
-        for &p in &self.diagonals {
-            if let Some(block) = upper.get_mut(p as usize) {
-                mirror(block);
-            }
+    /// Fills the upper blocks from `first` on with the sums over all parts.
+    pub(super) fn gather_blocks(&self, first: usize, parts: &[Matrix3<f64>], upper: &mut [Matrix3<f64>]) {
+        for (u, block) in (first..).zip(upper) {
+            *block = self.blocks.of(u).iter().fold(Matrix3::zeros(), |sum, &place| sum + parts[place as usize]);
         }
     }
 
-    /// Fills chunk `chunk` of the upper blocks from the results of all batches.
-    pub(super) fn gather_blocks<const N: usize, const B: usize>(
-        &self,
-        chunk: usize,
-        results: &[PackShares<N, B>],
-        upper: &mut [Matrix3<f64>],
-    ) {
-        upper.fill(Matrix3::zeros());
-        let first = (CHUNK * chunk) as u32;
-        for &[source, p] in &self.block_sources[self.block_start[chunk] as usize..self.block_start[chunk + 1] as usize]
-        {
-            let (slot, k) = ((source >> 6) as usize, (source & 63) as usize);
-            let (result, lane) = (&results[slot / PACK], slot % PACK);
-            let sum = &mut upper[((p & !TRANSPOSED) - first) as usize];
-            if k < N {
-                add_triangle(sum, &result.diagonal[k], lane);
-            } else {
-                add_block(sum, &result.off_diagonal[k - N], lane, p & TRANSPOSED != 0);
-            }
+    /// Fills the forces of the mesh nodes from `first` on with the sums over all parts.
+    pub(super) fn gather_forces(&self, first: usize, parts: &[Vector3<f64>], f_int: &mut [Vector3<f64>]) {
+        for (i, f) in (first..).zip(f_int) {
+            *f = self.forces.of(i).iter().fold(Vector3::zeros(), |sum, &place| sum + parts[place as usize]);
         }
-        let from = self.diagonals.partition_point(|&p| p < first);
+    }
+
+    /// Completes the blocks on the diagonal among the upper blocks from `first` on.
+    pub(super) fn finish(&self, first: usize, upper: &mut [Matrix3<f64>]) {
+        let from = self.diagonals.partition_point(|&p| (p as usize) < first);
         for &p in &self.diagonals[from..] {
-            let Some(block) = upper.get_mut((p - first) as usize) else { break };
+            let Some(block) = upper.get_mut(p as usize - first) else { break };
             mirror(block);
         }
     }
+}
 
-    /// Internal force of mesh node `i` from the results of all batches.
-    pub(super) fn gather_force<const N: usize, const B: usize>(
-        &self,
-        i: usize,
-        results: &[PackShares<N, B>],
-    ) -> Vector3<f64> {
-        let mut sum = Vector3::zeros();
-        for &source in &self.force_sources[self.force_start[i] as usize..self.force_start[i + 1] as usize] {
-            let (slot, a) = ((source >> 4) as usize, (source & 15) as usize);
-            add_force(&mut sum, &results[slot / PACK].forces[a], slot % PACK);
-        }
-        sum
+/// Replaces the things in the rows of a part, with [`TRANSPOSED`] or not, by their places in the part, and appends which thing
+/// each place holds; ascending within the part.
+fn number(rows: &mut [[u32; PACK]], held: &mut Vec<u32>) -> Range<usize> {
+    let first = held.len();
+    let mut own: Vec<u32> = rows.iter().flatten().filter(|&&t| t != NOWHERE).map(|t| t & !TRANSPOSED).collect();
+    own.sort_unstable();
+    own.dedup();
+    for thing in rows.iter_mut().flatten().filter(|thing| **thing != NOWHERE) {
+        let place = own.partition_point(|held| *held < *thing & !TRANSPOSED) as u32;
+        *thing = place | (*thing & TRANSPOSED);
     }
+    held.append(&mut own);
+    first..held.len()
 }
 
 #[inline]
@@ -216,22 +258,4 @@ fn mirror(block: &mut Matrix3<f64>) {
     for (r, c) in [(0, 1), (0, 2), (1, 2)] {
         block[(r, c)] = block[(c, r)];
     }
-}
-
-/// Counting sort of `(key, value)` into ranges by key; values keep their order.
-fn group<T: Copy + Default>(items: impl Iterator<Item = (usize, T)> + Clone, keys: usize) -> (Vec<u32>, Vec<T>) {
-    let mut start = vec![0u32; keys + 1];
-    for (key, _) in items.clone() {
-        start[key + 1] += 1;
-    }
-    for key in 0..keys {
-        start[key + 1] += start[key];
-    }
-    let mut next = start.clone();
-    let mut values = vec![T::default(); start[keys] as usize];
-    for (key, value) in items {
-        values[next[key] as usize] = value;
-        next[key] += 1;
-    }
-    (start, values)
 }

@@ -1,13 +1,17 @@
 //! Motions under forces on rows whose half solves are at hand: `A⁻¹ Hᵀ λ = Pᵀ L⁻ᵀ Y λ`.
 
 use super::numeric::Factor;
-use super::packed_copy::PackedCopy;
 use super::reach::{ReachWorkspace, rows_per_block};
 use super::solve::{SolveStatus, permute_back};
 use super::substitution;
 use super::symbolic::SymbolicFactor;
 
 impl ReachWorkspace {
+    /// As [`SolveWorkspace::take_in_full`](super::SolveWorkspace::take_in_full), of [`Factor::guess_correction`].
+    pub fn take_in_full(&mut self) -> u32 {
+        std::mem::take(&mut self.in_full)
+    }
+
     /// Adds `Y λ` to `permuted`.
     fn add_combination(&mut self, symbolic: &SymbolicFactor, lambda: &[f64]) {
         if let Some(nodal) = self.nodal.as_mut().filter(|_| self.by_nodes) {
@@ -29,22 +33,16 @@ impl Factor {
     ///
     /// `lambda` has one entry per row, `x` length `3 n`. Allocates nothing.
     pub fn correct(&self, lambda: &[f64], x: &mut [f64], workspace: &mut ReachWorkspace) -> SolveStatus {
-        self.correct_by(None, lambda, x, workspace)
+        self.correct_by(false, lambda, x, workspace)
     }
 
     /// As [`Self::correct`], by the copy of `L` in 16 bits where there is one, with the error of [`Self::precondition`]. For
     /// what conjugate gradients start from.
     pub fn guess_correction(&self, lambda: &[f64], x: &mut [f64], workspace: &mut ReachWorkspace) -> SolveStatus {
-        self.correct_by(self.packed(), lambda, x, workspace)
+        self.correct_by(true, lambda, x, workspace)
     }
 
-    fn correct_by(
-        &self,
-        packed: Option<&PackedCopy>,
-        lambda: &[f64],
-        x: &mut [f64],
-        workspace: &mut ReachWorkspace,
-    ) -> SolveStatus {
+    fn correct_by(&self, copy: bool, lambda: &[f64], x: &mut [f64], workspace: &mut ReachWorkspace) -> SolveStatus {
         if !self.is_valid() {
             return SolveStatus::InvalidFactor;
         }
@@ -57,12 +55,13 @@ impl Factor {
         workspace.permuted.fill(0.0);
         workspace.add_combination(self.symbolic(), lambda);
         let permuted = &mut workspace.permuted;
-        let by_copy = packed.is_some_and(|packed| {
+        let by_copy = self.packed().filter(|_| copy).is_some_and(|packed| {
             workspace.packed.take(permuted);
             workspace.packed.backward(self.symbolic(), packed);
             workspace.packed.give(permuted)
         });
         if !by_copy {
+            workspace.in_full += u32::from(copy && self.keeps_copy());
             substitution::backward(self.symbolic(), self.values(), permuted, &mut workspace.front_rows);
         }
         permute_back(&self.symbolic().ordering().old_of_new, &workspace.permuted, x);

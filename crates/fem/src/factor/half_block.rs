@@ -51,6 +51,21 @@ impl HalfBlock {
         }
     }
 
+    /// As much memory, with nothing in it.
+    pub(super) fn empty_like(other: &Self) -> Self {
+        Self {
+            half: vec![0.0; other.half.len()],
+            stride: other.stride,
+            update: vec![0.0; other.update.len()],
+            widths: other.widths.clone(),
+            base: vec![0; other.base.len()],
+            active: vec![INACTIVE; other.active.len()],
+            reached: Vec::with_capacity(other.active.len()),
+            columns: 0,
+            rows: 0,
+        }
+    }
+
     /// Columns of a supernode.
     pub(super) fn width(&self, s: usize) -> usize {
         self.widths[s] as usize

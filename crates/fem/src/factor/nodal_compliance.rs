@@ -20,47 +20,54 @@ use super::workers::join;
 use crate::nodal_rows::NodalRows;
 
 /// Nodes that are solved for together.
-const NODES_OF_BLOCK: usize = BLOCK_ROWS / 3;
+pub(super) const NODES_OF_BLOCK: usize = BLOCK_ROWS / 3;
 
 /// Most blocks: beyond it all nodes are forgotten, since blocks of a few nodes each are slow to multiply.
 const MOST_BLOCKS: usize = 12;
+
+/// Nodes that there is room for, in those of as many rows as a compliance may have: while a tool slides, one node in the place of
+/// another must not make all others to be solved for anew.
+const SETS: usize = 2;
 
 /// Unit rows of new nodes for each row that wants them, up to which nodes are solved for in the place of rows: others will
 /// want them too.
 const WORTH: usize = 2;
 
-const NOT_KEPT: u32 = u32::MAX;
+pub(super) const NOT_KEPT: u32 = u32::MAX;
 /// Among those that are looked up, and not kept yet.
 const WANTED: u32 = u32::MAX - 1;
 
 /// Half solves of nodes with one factor.
-pub(super) struct NodalCompliance {
+pub struct NodalCompliance {
     /// Most nodes.
-    capacity: usize,
+    pub(super) capacity: usize,
     pub(super) blocks: Vec<HalfBlock>,
     pub(super) used: usize,
     /// First node of each block in `nodes`, and the end.
-    start: Vec<usize>,
-    nodes: Vec<u32>,
+    pub(super) start: Vec<usize>,
+    pub(super) nodes: Vec<u32>,
+    /// For each of them the latest of the compliances so far that wanted it; 0 where none did.
+    pub(super) wanted_at: Vec<u64>,
+    pub(super) compliances: u64,
     /// Place in `nodes` of each free node, or [`NOT_KEPT`].
-    place: Vec<u32>,
-    wanted: Vec<u32>,
+    pub(super) place: Vec<u32>,
+    pub(super) wanted: Vec<u32>,
     /// Unit rows of the nodes of each block.
-    units: Vec<NodalRows>,
+    pub(super) units: Vec<NodalRows>,
     /// `G`, by columns that are three times the capacity long.
-    gram: Vec<f64>,
+    pub(super) gram: Vec<f64>,
     /// One number per degree of freedom of the nodes.
-    column: Vec<f64>,
+    pub(super) column: Vec<f64>,
     /// The latest rows.
-    rows: NodalRows,
-    most_entries: usize,
-    revision: u64,
+    pub(super) rows: NodalRows,
+    pub(super) most_entries: usize,
+    pub(super) revision: u64,
 }
 
 impl NodalCompliance {
     /// Memory for up to `max_rows` rows, and as many unit rows of nodes.
     pub(super) fn new(symbolic: &SymbolicFactor, max_rows: usize) -> Self {
-        let capacity = (max_rows / 3).min(MOST_BLOCKS * NODES_OF_BLOCK);
+        let capacity = (SETS * max_rows / 3).min(MOST_BLOCKS * NODES_OF_BLOCK);
         let blocks = if capacity > 0 { MOST_BLOCKS } else { 0 };
         Self {
             capacity,
@@ -68,6 +75,8 @@ impl NodalCompliance {
             used: 0,
             start: Vec::with_capacity(blocks + 1),
             nodes: Vec::with_capacity(capacity),
+            wanted_at: Vec::with_capacity(capacity),
+            compliances: 0,
             place: vec![NOT_KEPT; symbolic.nodes()],
             wanted: Vec::with_capacity(capacity),
             units: (0..blocks).map(|_| NodalRows::with_capacity(3 * NODES_OF_BLOCK, 1)).collect(),
@@ -83,43 +92,58 @@ impl NodalCompliance {
     /// themselves is better, or where there is no room. The factor is valid and of this topology.
     pub(super) fn keep(&mut self, factor: &Factor, rows: &NodalRows) -> bool {
         let entries: usize = (0..rows.len()).map(|r| rows.row(r).count()).sum();
-        if self.place.len() != factor.symbolic().nodes() || entries > self.most_entries {
+        if !self.is_for(factor.symbolic().nodes()) || entries > self.most_entries {
             return false;
         }
-        if self.revision != factor.revision() {
-            self.forget();
-            self.revision = factor.revision();
-        }
-        if !self.look_up(rows) || WORTH * rows.len() < 3 * self.wanted.len() {
+        self.turn_to(factor);
+        if !self.look_up(touched(rows)) || WORTH * rows.len() < 3 * self.wanted.len() {
             self.unmark();
             return false;
         }
         if !self.has_room() {
             self.unmark();
             self.forget();
-            if !self.look_up(rows) || !self.has_room() {
+            if !self.look_up(touched(rows)) || !self.has_room() {
                 self.unmark();
                 return false;
             }
         }
         self.append(factor);
+        self.compliances += 1;
+        for node in touched(rows) {
+            self.wanted_at[self.place[node as usize] as usize] = self.compliances;
+        }
         self.rows.clear();
         (0..rows.len()).for_each(|r| self.rows.push_row(rows.row(r)));
         true
     }
 
+    /// Whether its memory is for bodies of so many free nodes.
+    pub(super) fn is_for(&self, nodes: usize) -> bool {
+        self.place.len() == nodes
+    }
+
+    /// Forgets the nodes of another factor.
+    pub(super) fn turn_to(&mut self, factor: &Factor) {
+        if self.revision != factor.revision() {
+            self.forget();
+            self.revision = factor.revision();
+        }
+    }
+
     fn forget(&mut self) {
         self.nodes.iter().for_each(|&node| self.place[node as usize] = NOT_KEPT);
         self.nodes.clear();
+        self.wanted_at.clear();
         self.start.clear();
         self.start.push(0);
         self.used = 0;
     }
 
     /// Lists the nodes that are not kept; false where one does not exist, or where they are too many.
-    fn look_up(&mut self, rows: &NodalRows) -> bool {
+    pub(super) fn look_up(&mut self, nodes: impl Iterator<Item = u32>) -> bool {
         self.wanted.clear();
-        for (node, _) in (0..rows.len()).flat_map(|r| rows.row(r)) {
+        for node in nodes {
             match self.place.get_mut(node as usize) {
                 Some(place) if *place == NOT_KEPT && self.wanted.len() < self.capacity => {
                     *place = WANTED;
@@ -132,18 +156,18 @@ impl NodalCompliance {
         true
     }
 
-    fn unmark(&mut self) {
+    pub(super) fn unmark(&mut self) {
         self.wanted.iter().for_each(|&node| self.place[node as usize] = NOT_KEPT);
         self.wanted.clear();
     }
 
-    fn has_room(&self) -> bool {
+    pub(super) fn has_room(&self) -> bool {
         self.nodes.len() + self.wanted.len() <= self.capacity
             && self.used + self.wanted.len().div_ceil(NODES_OF_BLOCK) <= self.blocks.len()
     }
 
     /// Solves for the wanted nodes, and multiplies them with all.
-    fn append(&mut self, factor: &Factor) {
+    pub(super) fn append(&mut self, factor: &Factor) {
         if self.wanted.is_empty() {
             return;
         }
@@ -158,6 +182,7 @@ impl NodalCompliance {
             for &node in nodes {
                 self.place[node as usize] = self.nodes.len() as u32;
                 self.nodes.push(node);
+                self.wanted_at.push(self.compliances);
                 (0..3).for_each(|k| units.push_row([(node, Vector3::ith(k, 1.0))]));
             }
             self.used += 1;
@@ -213,6 +238,11 @@ impl NodalCompliance {
             block.add_combination(symbolic, &force[3 * range[0]..3 * range[1]], into);
         }
     }
+}
+
+/// Nodes that rows touch, as often as they do.
+fn touched(rows: &NodalRows) -> impl Iterator<Item = u32> {
+    (0..rows.len()).flat_map(|r| rows.row(r)).map(|(node, _)| node)
 }
 
 /// Solves for the nodes of some blocks, side by side.

@@ -53,6 +53,9 @@ pub struct FactorReport {
     /// Largest diagonal entry of `L`, squared, in the unit of `A`; zero unless the status is `Ok`. The ratio of the two
     /// bounds the condition number of `A` from below.
     pub largest_pivot: f64,
+    /// Whether a copy in 16 bits is kept and the pivots lie beyond the range of solves with it, which then go by the stored
+    /// values.
+    pub copy_refused: bool,
 }
 
 /// The numbers of one factorisation `P A Pᵀ = L Lᵀ`, and the memory to compute them again.
@@ -126,7 +129,7 @@ impl Factor {
     /// The same matrix gives the same bits whatever the memory held before. On failure the factor is invalid: every
     /// solve with it refuses and says so.
     pub fn refactor(&mut self, a: &SystemMatrix) -> FactorReport {
-        let failed = |status| FactorReport { status, smallest_pivot: 0.0, largest_pivot: 0.0 };
+        let failed = |status| FactorReport { status, smallest_pivot: 0.0, largest_pivot: 0.0, copy_refused: false };
         if !self.symbolic.fits(a) {
             return failed(FactorStatus::OtherPattern);
         }
@@ -150,7 +153,8 @@ impl Factor {
             self.packed_is_sound = SOUND.contains(&smallest) && SOUND.contains(&largest);
         }
         self.revision = next_revision();
-        FactorReport { status: FactorStatus::Ok, smallest_pivot: smallest, largest_pivot: largest }
+        let copy_refused = self.keeps_copy() && !self.packed_is_sound;
+        FactorReport { status: FactorStatus::Ok, smallest_pivot: smallest, largest_pivot: largest, copy_refused }
     }
 
     /// Parts what is derived from now on from what was before.
@@ -173,6 +177,11 @@ impl Factor {
             }
         }
         (smallest, largest)
+    }
+
+    /// Whether refactorisations leave a copy in 16 bits, sound or not.
+    pub(super) fn keeps_copy(&self) -> bool {
+        self.packed.is_some()
     }
 
     /// The copy in 16 bits, if there is a sound one.

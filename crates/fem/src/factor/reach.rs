@@ -78,6 +78,7 @@ pub struct ReachWorkspace {
     pub(super) nodal: Option<Box<NodalCompliance>>,
     /// Whether the last compliance came from them.
     pub(super) by_nodes: bool,
+    pub(super) in_full: u32,
 }
 
 impl ReachWorkspace {
@@ -102,6 +103,7 @@ impl ReachWorkspace {
             revision: 0,
             nodal: None,
             by_nodes: false,
+            in_full: 0,
         }
     }
 

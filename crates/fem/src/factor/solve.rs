@@ -5,7 +5,6 @@ use faer::{Conj, MatMut, Par};
 
 use super::low_rank::scratch_of_solve;
 use super::numeric::Factor;
-use super::packed_copy::PackedCopy;
 use super::packed_fronts::PackedWorkspace;
 use super::substitution;
 use super::symbolic::SymbolicFactor;
@@ -43,6 +42,7 @@ pub struct SolveWorkspace {
     widest_pattern: usize,
     /// For the part of a change since the factorisation.
     change: Vec<f64>,
+    in_full: u32,
 }
 
 impl SolveWorkspace {
@@ -61,7 +61,14 @@ impl SolveWorkspace {
             columns,
             widest_pattern: symbolic.tree().widest_pattern(),
             change: vec![0.0; scratch_of_solve(symbolic.change_capacity())],
+            in_full: 0,
         }
+    }
+
+    /// How many solves by the copy in 16 bits were asked for and done by the stored values, since this was asked last: the copy
+    /// was refused, or a vector has left the range of single precision. They are as good, and take twice as long and more.
+    pub fn take_in_full(&mut self) -> u32 {
+        std::mem::take(&mut self.in_full)
     }
 }
 
@@ -69,18 +76,19 @@ impl Factor {
     /// `x ← A⁻¹ x`, a vector of length `3 n` in the body's own order. Allocates nothing. On a worker of a pool, independent
     /// subtrees are solved side by side; the bits do not depend on it.
     pub fn solve(&self, x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
-        self.solve_by(None, x, workspace)
+        self.solve_by(false, x, workspace)
     }
 
     /// As [`Self::solve`], by the copy of `L` in 16 bits where there is one: a quarter of the bytes in the order in which they
     /// are wanted, and a relative error of about 1e-5 times the root of the condition of `A`. For preconditioners. Where its
-    /// numbers would leave the range of single precision, as [`Self::solve`].
+    /// numbers would leave the range of single precision, as [`Self::solve`], and counted
+    /// ([`SolveWorkspace::take_in_full`]).
     pub fn precondition(&self, x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
-        self.solve_by(self.packed(), x, workspace)
+        self.solve_by(true, x, workspace)
     }
 
     /// By the packed copy, or the stored values.
-    fn solve_by(&self, packed: Option<&PackedCopy>, x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
+    fn solve_by(&self, copy: bool, x: &mut [f64], workspace: &mut SolveWorkspace) -> SolveStatus {
         let symbolic = self.symbolic();
         let n = symbolic.degrees_of_freedom();
         let fits = workspace.permuted.len() >= n
@@ -95,13 +103,14 @@ impl Factor {
         }
         let permuted = &mut workspace.permuted[..n];
         permute(&symbolic.ordering().old_of_new, x, permuted);
-        let by_copy = packed.is_some_and(|packed| {
+        let by_copy = self.packed().filter(|_| copy).is_some_and(|packed| {
             workspace.packed.take(permuted);
             workspace.packed.forward(symbolic, packed);
             workspace.packed.backward(symbolic, packed);
             workspace.packed.give(permuted)
         });
         if !by_copy {
+            workspace.in_full += u32::from(copy && self.keeps_copy());
             substitution::forward(symbolic, self.values(), permuted, &mut workspace.rows);
             substitution::backward(symbolic, self.values(), permuted, &mut workspace.rows);
         }

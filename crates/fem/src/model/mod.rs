@@ -206,6 +206,11 @@ impl FemModel {
         packs_of_batch(self.kind)
     }
 
+    /// Parts whose elements assembly sums side by side: as many threads find work.
+    pub fn parts(&self) -> usize {
+        self.pack_lists.parts().len()
+    }
+
     pub(crate) fn averaging(&self) -> Option<&Averaging> {
         self.averaging.as_ref()
     }

@@ -82,11 +82,11 @@ impl FemModel {
         let (pattern, upper_blocks, pack_lists) = if config.element == ElementKind::Quadratic {
             let nodes: Vec<_> = quadratic_packs.iter().map(|pack| (&pack.nodes, pack.len)).collect();
             let pattern = pattern.map_or_else(|| coupling(&nodes, &coupled, &number, free), Arc::clone);
-            lists::<10, 45>(&nodes, &batches, size, &free_of_node, pattern)
+            lists::<10, 45>(&nodes, &batches, &free_of_node, pattern)
         } else {
             let nodes: Vec<_> = packs.iter().map(|pack| (&pack.nodes, pack.len)).collect();
             let pattern = pattern.map_or_else(|| coupling(&nodes, &coupled, &number, free), Arc::clone);
-            lists::<4, 6>(&nodes, &batches, size, &free_of_node, pattern)
+            lists::<4, 6>(&nodes, &batches, &free_of_node, pattern)
         };
         let averaging = groups.map(|groups| {
             let run_of = |e: u32| runs.partition_point(|run| run.end <= e as usize);
@@ -200,12 +200,11 @@ fn coupling<const N: usize>(
 fn lists<const N: usize, const B: usize>(
     packs: &[(&[[u32; N]; PACK], usize)],
     batches: &[Batch],
-    size: usize,
     free_of_node: &[u32],
     pattern: Arc<BlockPattern>,
 ) -> (Arc<BlockPattern>, UpperBlocks, PackLists) {
     let upper = UpperBlocks::new(&pattern);
-    let lists = PackLists::new::<N, B>(packs, batches, size, free_of_node, &pattern, &upper);
+    let lists = PackLists::new::<N, B>(packs, batches, free_of_node, &pattern, &upper);
     (pattern, upper, lists)
 }
 

@@ -61,6 +61,7 @@ impl Gathering {
             held_open: self.rescued[1],
             tangled: self.rescued[2],
             led: self.rescued[3],
+            in_full: self.in_full,
             unsettled: self.unsettled,
             filtered: self.filtered,
             inverted: self.inverted,
@@ -115,10 +116,12 @@ mod tests {
             for step in 0..6 {
                 let seen = (2..if ends_tangled { 6 } else { 5 }).contains(&step).then_some(tangle);
                 let time = f64::from(step) / 30.0;
-                gathering.step(&StepReport { tangle: seen, led: step == 4, time, ..report }, &mut Unobserved);
+                let (led, in_full) = (step == 4, u32::from(step < 2) * 7);
+                gathering.step(&StepReport { tangle: seen, led, in_full, time, ..report }, &mut Unobserved);
             }
             let summary = gathering.summary(&world, None, None);
             assert_eq!((summary.tangled, summary.led), (if ends_tangled { 4 } else { 3 }, 1));
+            assert_eq!(summary.in_full, 2, "steps, not solves");
             let said = |words: &str| summary.notes.iter().any(|note| note.contains(words));
             assert_eq!(said("ends tangled, as it has been since 0.067 s"), ends_tangled, "{:?}", summary.notes);
             assert_eq!(said("3 of its inner edges"), ends_tangled);

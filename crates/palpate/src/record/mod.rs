@@ -60,21 +60,31 @@ pub(crate) enum TraceLines {
     Inline(Box<InlineTrace>),
 }
 
+/// What becomes of a run whose trace cannot be made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum NoTrace {
+    /// It goes on, and says so at its end.
+    GoesOn,
+    /// It does not begin.
+    Refused,
+}
+
 /// The lines of the three stages and the trace that they lead to.
 type Lines = (StepLine, TickLine, FactorLine, Option<TraceLines>);
 
 impl TraceLines {
-    /// Opens the trace that the options name. A file that cannot be made is noted, and the run goes on without one.
+    /// Opens the trace that the options name. A file that cannot be made is noted where the run goes on without one.
     pub(crate) fn open(
         world: &World,
         options: &RunOptions,
         device: &DeviceSpec,
+        no_trace: NoTrace,
         notes: &mut Vec<String>,
     ) -> Result<Lines, RunError> {
         match &options.trace {
             None => Ok(Self::none()),
             Some(path) => match Self::create(world, options, device, path) {
-                Err(error @ TraceError::Create { .. }) => {
+                Err(error @ TraceError::Create { .. }) if no_trace == NoTrace::GoesOn => {
                     notes.push(format!("{error}; the run goes on without a trace"));
                     Ok(Self::none())
                 }

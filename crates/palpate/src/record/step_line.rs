@@ -32,6 +32,7 @@ impl StepLine {
         flags.set(trace::StepFlags::FACTOR_OUTDATED, outdated);
         flags.set(trace::StepFlags::TANGLED, report.tangle.is_some());
         flags.set(trace::StepFlags::LED, report.led);
+        flags.set(trace::StepFlags::SOLVED_IN_FULL, report.in_full > 0);
         flags.set(trace::StepFlags::CORRECTION_UNCONVERGED, report.error.correction_unconverged);
         flags.set(trace::StepFlags::RESCUED, report.rescued);
         line.push(trace::StepRecord {

@@ -108,6 +108,10 @@ impl<'a> Steps<'a> {
             if self.world.changes_ever() {
                 sample.remember(&self.state.state_before().memory);
             }
+            sample.prepared = self.ws.room_for_prepared(self.world);
+            let mut nodes = Vec::with_capacity(sample.room_for_nodes());
+            self.ws.latest_nodes(&mut nodes);
+            sample.prepare(&nodes);
             self.factors.push(sample);
         }
         Some(report)

@@ -76,6 +76,17 @@ impl SceneError {
         Self::Invalid(Box::new(InvalidScene { origin, text, span, line, column, message, remedy }))
     }
 
+    /// What is wrong and the remedy, without the place: for who has not written the text.
+    pub(crate) fn reason(&self) -> String {
+        match self {
+            Self::Invalid(invalid) => {
+                let remedy = invalid.remedy.as_deref().map(|r| format!("; {r}")).unwrap_or_default();
+                format!("{}{remedy}", invalid.message)
+            }
+            other => other.to_string(),
+        }
+    }
+
     /// Adds something that may be behind the mistake to its remedy.
     pub(crate) fn hint(mut self, hint: &str) -> Self {
         if let Self::Invalid(invalid) = &mut self {

@@ -48,6 +48,47 @@ pub struct PortConfig {
     pub place: Option<PlaceConfig>,
 }
 
+/// Options that a scene cannot be run with.
+#[derive(Debug, thiserror::Error)]
+pub enum PortConfigError {
+    /// One of them, whatever the others are.
+    #[error("{option}: {reason}")]
+    Option {
+        /// The field of [`PortConfig`].
+        option: &'static str,
+        /// What is wrong with its value, and the remedy.
+        reason: String,
+    },
+    /// The scene, or all options together.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+}
+
+/// Takes one option over.
+type Take = fn(&mut PortConfig, &PortConfig);
+
+/// Every option by its name.
+const OPTIONS: [(&str, Take); 16] = [
+    ("rate", |to, from| to.rate = from.rate),
+    ("max_force", |to, from| to.max_force = from.max_force),
+    ("max_torque", |to, from| to.max_torque = from.max_torque),
+    ("max_power", |to, from| to.max_power = from.max_power),
+    ("max_stiffness", |to, from| to.max_stiffness = from.max_stiffness),
+    ("max_damping", |to, from| to.max_damping = from.max_damping),
+    ("force_slew", |to, from| to.force_slew = from.force_slew),
+    ("torque_slew", |to, from| to.torque_slew = from.torque_slew),
+    ("fade_in", |to, from| to.fade_in = from.fade_in),
+    ("stale_after", |to, from| to.stale_after = from.stale_after),
+    ("stale_zero", |to, from| to.stale_zero = from.stale_zero),
+    ("gap", |to, from| to.gap = from.gap),
+    ("energy_allowance", |to, from| to.energy_allowance = from.energy_allowance),
+    ("passivity", |to, from| to.passivity = from.passivity),
+    ("origin", |to, from| {
+        to.place = from.place.map(|place| PlaceConfig { axes: PlaceConfig::default().axes, ..place })
+    }),
+    ("axes", |to, from| to.place = from.place),
+];
+
 impl PortConfig {
     /// Writes them into the scene, so that its trace holds what a replay needs.
     ///
@@ -56,8 +97,24 @@ impl PortConfig {
     /// trusted with more.
     ///
     /// # Errors
-    /// A number out of its range.
-    pub fn apply(&self, scene: &mut Scene) -> Result<(), SceneError> {
+    /// A number out of its range, by the name of its option. The scene is unchanged then.
+    pub fn apply(&self, scene: &mut Scene) -> Result<(), PortConfigError> {
+        let Err(error) = self.write(scene) else { return Ok(()) };
+        // The text that the error speaks of is one that nobody has written.
+        for (option, take) in OPTIONS {
+            let mut alone = Self::default();
+            take(&mut alone, self);
+            if alone == Self::default() {
+                continue;
+            }
+            if let Err(error) = alone.write(&mut scene.clone()) {
+                return Err(PortConfigError::Option { option, reason: error.reason() });
+            }
+        }
+        Err(error.into())
+    }
+
+    fn write(&self, scene: &mut Scene) -> Result<(), SceneError> {
         let rate = self.rate.unwrap_or(scene.description().rates.tick);
         if !(LOWEST_RATE..=HIGHEST_RATE).contains(&rate) {
             let message = format!("a driver that ticks at {rate} Hz is outside {LOWEST_RATE} to {HIGHEST_RATE} Hz");

@@ -27,6 +27,7 @@ use crate::changes::ChangeQueue;
 use crate::engine::{Engine, workers};
 use crate::gathering::Gathering;
 use crate::realtime::{Switches, TickThread, Ticks, attend, tick_reports};
+use crate::record::NoTrace;
 use crate::run::{Length, RunError, RunOptions, RunOutcome};
 use crate::summary::RunEnd;
 use crate::tick::{TickReport, TickStage};
@@ -34,9 +35,9 @@ use crate::world::{ChangeError, ChangeRequest, World};
 use ledger::Ledger;
 
 pub use crate::realtime::raise_priority;
-pub use config::{HIGHEST_RATE, LOWEST_RATE, PortConfig};
+pub use config::{HIGHEST_RATE, LOWEST_RATE, PortConfig, PortConfigError};
 pub use ledger::Statistics;
-pub use port::{Port, PortReport, PortSample};
+pub use port::{PhaseReader, Port, PortReport, PortSample};
 pub use shape::Shape;
 pub(crate) use shape::ShapeWriter;
 
@@ -119,7 +120,8 @@ impl Session {
     /// Settles the body, factors its first matrix, opens the trace. Of `options`, `threads` and `trace` are used.
     ///
     /// # Errors
-    /// As [`run`](crate::run::run), but for the device: the scene's kind of device is not looked at.
+    /// As [`run`](crate::run::run), but for the device: the scene's kind of device is not looked at. A trace that cannot be
+    /// made: nobody watches who could be warned.
     pub fn open(world: Arc<World>, options: &RunOptions) -> Result<(Self, Port), RunError> {
         let scene = world.description();
         let device = |e: palpate_haptics::SetupError| RunError::Device(e.to_string());
@@ -248,7 +250,7 @@ fn live(
             let spec = crate::devices::spec(&world.description().device, None);
             let spec = spec.map_err(|e| RunError::Device(e.to_string()))?;
             let config = TickStage::config(world, &spec);
-            Engine::with_tick(world, options, &spec, world.first_tool(), |ends| {
+            Engine::with_tick(world, options, &spec, world.first_tool(), NoTrace::Refused, |ends| {
                 TickStage::new(world, &config, &spec, ends.snapshots, ends.poses, ends.line)
             })
         })?;

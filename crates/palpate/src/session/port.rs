@@ -90,6 +90,18 @@ impl HapticDevice for Exchange {
     }
 }
 
+/// Tells what a session is doing, beside a tick of its port and after its end.
+pub struct PhaseReader {
+    shared: Arc<Shared>,
+}
+
+impl PhaseReader {
+    /// The phase now.
+    pub fn phase(&self) -> Phase {
+        self.shared.phase()
+    }
+}
+
 /// The driver's end of a session. One thread at a time calls it.
 pub struct Port {
     stage: TickStage,
@@ -124,6 +136,11 @@ impl Port {
     /// Limits that this port was opened with.
     pub fn spec(&self) -> &DeviceSpec {
         &self.device.spec
+    }
+
+    /// For threads that cannot have the port while another one ticks.
+    pub fn phase_reader(&self) -> PhaseReader {
+        PhaseReader { shared: Arc::clone(&self.shared) }
     }
 
     /// Nominal time between ticks (s).

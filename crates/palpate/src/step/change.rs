@@ -89,9 +89,10 @@ impl ChangeStage {
     }
 }
 
-/// Brings body and factor up to the step that begins at `time` (s): passes the events whose time has come and makes the
-/// factor serve the body. Called before every [`step`](super::step()); allocates nothing.
+/// Brings body and factor up to the step that begins at `time` (s): takes over what was prepared with the factor, passes the
+/// events whose time has come and makes the factor serve the body. Called before every [`step`](super::step()); allocates nothing.
 pub fn pass_events(world: &World, time: f64, factor: &mut FactorSample, state: &mut StepState, ws: &mut StepWorkspace) {
+    ws.take_prepared(factor);
     if !world.changes_ever() {
         return;
     }

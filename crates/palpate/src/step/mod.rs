@@ -43,6 +43,7 @@ mod penalty;
 mod preconditioner;
 mod prediction;
 mod prepared;
+mod prepared_nodes;
 mod refinement;
 mod report;
 mod rigid;
@@ -150,6 +151,7 @@ pub fn step(
     climb::choose_next(world, input.factor, state, ws, &mut report);
     report.times.sampling = clock.lap();
     hand_over::hand_over(world, input, before.as_ref(), state, ws, &mut report, snapshot);
+    report.in_full = ws.solve.take_in_full() + ws.compliance.inverse_mut().take_in_full();
     state.tool = Some(input.tool);
     state.step += 1;
     report.times.hand_over = clock.lap();

@@ -35,3 +35,59 @@ impl Preconditioner for StepPreconditioner<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use nalgebra::Vector3;
+    use palpate_fem::factor::FactorStatus;
+
+    use crate::scene::Scene;
+    use crate::simulation::Simulation;
+
+    /// A block that begins to sink under its weight, with a factor that is never made anew.
+    const SINK: &str = r#"
+        name = "sink"
+        gravity = [0, 0, -9.81]
+        [[body]]
+        name = "block"
+        block = { min = [0, 0, 0], max = [0.04, 0.04, 0.04], cells = [4, 4, 4] }
+        material = { law = "neo_hookean", young = 5e3, poisson = 0.4 }
+        compliance = "async"
+        settle = false
+        fixed = [{ below = { axis = "z", at = 0.0 } }]
+        [[tool]]
+        name = "ball"
+        shape = { kind = "sphere", radius = 0.012 }
+        [hand]
+        path = [{ time = 0.0, position = [0.02, 0.02, 0.08] }]
+    "#;
+
+    /// Conjugate gradients do not see the size of a preconditioner; its copy in 16 bits does.
+    #[test]
+    fn a_factor_beyond_the_range_of_its_copy_serves_as_well_and_the_step_says_so() {
+        let world = Scene::from_toml(SINK, Path::new("")).unwrap().build().unwrap();
+        let run = |size: f64| {
+            let mut simulation = Simulation::new(&world).unwrap().refresh_every(0);
+            let mut system = simulation.workspace().fem.system.clone();
+            system.blocks.iter_mut().for_each(|block| *block *= size);
+            let factored = simulation.factor.factor.refactor(&system);
+            assert_eq!((factored.status, factored.copy_refused), (FactorStatus::Ok, size < 1.0));
+            let reports = [0, 1].map(|_| simulation.step_alone(&world.first_pose()));
+            (reports, simulation.positions().to_vec())
+        };
+        let (([with, _], sunk), (without, expected)) = (run(1.0), run(1e-30));
+        assert_eq!(with.in_full, 0);
+        for report in without {
+            let solves = report.free_motion.iterations as u32;
+            assert!(solves > 0 && report.in_full >= solves, "{} of {solves}", report.in_full);
+        }
+        let far =
+            |a: &[Vector3<f64>], b: &[Vector3<f64>]| a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+        let all = far(&expected, &world.mesh().nodes);
+        assert!(all > 1e-4, "{all} m");
+        // the residual of the motion is 1e-6 in either, times the condition of this body
+        assert!(far(&sunk, &expected) < 1e-3 * all, "{:e} of {all:e}", far(&sunk, &expected));
+    }
+}

@@ -70,6 +70,9 @@ pub struct StepReport {
     /// Linear solves of the free motion: conjugate gradients, or Newton's iterations with the residual that they leave.
     /// None for explicit substeps.
     pub free_motion: PcgReport,
+    /// Solves with the latest factor, in free motion, correction and hand-over, that went by its stored values: its copy in 16
+    /// bits was refused, or their numbers have left the range of it. They are as good, and take twice as long and more.
+    pub in_full: u32,
     /// Halvings of the motion: by the guard of the linearised step, or by the line search of Newton's method.
     pub cuts: u32,
     /// Linearisations by which the guard repeated the motion; 0 where one was enough.
@@ -151,6 +154,7 @@ impl StepReport {
             tool: input.tool,
             assembly: AssemblyReport::NONE,
             free_motion: PcgReport { status: PcgStatus::Converged, iterations: 0, relative_residual: 0.0 },
+            in_full: 0,
             cuts: 0,
             repeated: 0,
             folds: FoldReport::NONE,

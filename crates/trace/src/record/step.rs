@@ -30,10 +30,12 @@ flags! {
         10 => TANGLED;
         /// The body was led out of a tangle: it answered as linear elasticity in place of its law.
         11 => LED;
+        /// The factor's copy in 16 bits could not serve: solves went by its stored values.
+        12 => SOLVED_IN_FULL;
         /// The exact correction ended before reaching its tolerance.
-        12 => CORRECTION_UNCONVERGED;
+        13 => CORRECTION_UNCONVERGED;
         /// A linear solve ended without convergence, and the step factored its own matrix to go on.
-        13 => RESCUED;
+        14 => RESCUED;
     }
 }
 

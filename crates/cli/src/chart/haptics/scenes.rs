@@ -16,7 +16,7 @@ const FINE_LIVER: f64 = 0.012;
 /// What a scene is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Use {
-    /// The way to the first press and a rest there, in a hand.
+    /// The way to the first press and a rest there, in a hand; a grasper closes where it will lift, lifts, and rests there.
     Press,
     /// The whole path, exactly.
     Palpation,
@@ -40,7 +40,7 @@ impl Use {
 /// Length (s) of the begin of the liver's path: 100 ms beyond its first touch.
 const TOUCH: f64 = 0.49;
 
-/// Time (s) from the begin of a press to its rest.
+/// Time (s) from the begin of a press to its rest, and of each of a grasper's two motions.
 pub(crate) const PRESS: f64 = 0.4;
 
 /// A bundled scene and its use.
@@ -89,6 +89,7 @@ impl Case {
         }
         let path = &mut scene.hand.path;
         match self.purpose {
+            Use::Press if path.iter().any(|key| key.gripper == Some(0.0)) => lift(path),
             Use::Press => {
                 let Some(first) = path.first().copied() else { return };
                 let Some(mut pressed) = path.iter().find(|key| key.position != first.position).copied() else { return };
@@ -119,9 +120,40 @@ impl Case {
     }
 }
 
+/// Keeps of a grasper's path that it closes and lifts.
+fn lift(path: &mut Vec<ScriptKey>) {
+    let Some(closes) = path.iter().position(|key| key.gripper == Some(0.0)) else { return };
+    let closed = path[closes];
+    let Some(&raised) = path[closes..].iter().find(|key| key.position != closed.position) else { return };
+    *path = vec![
+        ScriptKey { time: 0.0, gripper: Some(1.0), ..closed },
+        ScriptKey { time: PRESS, ..closed },
+        ScriptKey { time: 2.0 * PRESS, ..raised },
+    ];
+}
+
 /// Without the second that it waits at the begin, and twice as fast.
 fn hasten(path: &mut Vec<ScriptKey>) {
     path.remove(0);
     let begin = path.first().map_or(0.0, |key| key.time);
     path.iter_mut().for_each(|key| key.time = 0.5 * (key.time - begin));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_press_ends_in_a_rest_and_a_grasper_s_closed_and_raised() {
+        let path = |scene| {
+            let case = Case { scene, purpose: Use::Press, quick: false };
+            case.world(Method::Local, 30.0, |_| {}).unwrap().description().hand.path.clone()
+        };
+        let pressed = path("block");
+        assert_eq!((pressed.len(), pressed[1].time), (2, PRESS));
+        let lifted = path("grasp");
+        assert_eq!(lifted.iter().map(|key| key.gripper).collect::<Vec<_>>(), [Some(1.0), Some(0.0), None]);
+        assert_eq!(lifted[0].position, lifted[1].position, "it closes where it is");
+        assert!(lifted[2].position[2] > lifted[1].position[2] + 0.01 && lifted[2].time == 2.0 * PRESS);
+    }
 }

@@ -1,8 +1,10 @@
 //! Z-width: the stiffest coupling that holds in each scene, by its damping, the rate of the tissue and what the tick does.
 //!
 //! The virtual device with its friction, encoder and tick of delay, in the loosest hand that was measured, presses the scene's
-//! tissue as its path says within 0.4 s and stays. The passivity controller is off but where it is named. A coupling holds
-//! if the tissue does not fail, and over the last 0.4 s of 1.6 s the device stays within 0.1 mm of an even motion.
+//! tissue as its path says within 0.4 s and stays; a grasper closes within 0.4 s, lifts within 0.4 s more, and stays. The
+//! passivity controller is off but where it is named. A coupling holds if the tissue does not fail, and over the last 0.4 s
+//! of 1.6 s the device stays within 0.1 mm of an even motion, and a grasper in contact with what it carries. The coupling is
+//! that of translation, for a grasper along the lift too: its jaws have their own spring, which stays that of the scene.
 
 use miette::{Result, miette};
 use nalgebra::Vector3;
@@ -62,7 +64,7 @@ struct Edges {
 
 /// Measures all regions; the table and a panel for each scene and rate.
 pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<(NamedTable, Vec<Panel>)> {
-    let scenes: &[&str] = if settings.quick { &["block"] } else { &["block", "cut", "liver"] };
+    let scenes: &[&str] = if settings.quick { &["block"] } else { &["block", "cut", "liver", "grasp"] };
     let rates: &[f64] = if settings.quick { &[10.0, 30.0] } else { &[10.0, 30.0, 100.0] };
     let dampings: &[f64] = if settings.quick { &[0.0, 2.0] } else { &[0.0, 2.0, 5.0] };
     let ratio = if settings.quick { 2.0 } else { 1.3 };
@@ -153,6 +155,7 @@ fn holds(world: &World, region: &Region, coupling: Spring, work: &Work) -> Resul
     })?;
     let period = region.method.period(region.rate);
     let [ticks, last] = TRIAL.map(|seconds| (seconds / period).round() as usize);
+    let grasps = world.tool().hinge().is_some();
     let (mut rest, mut touched): (Vec<Vector3<f64>>, bool) = (Vec::with_capacity(last), false);
     for k in 0..ticks {
         let (record, _) = palpation.tick();
@@ -161,6 +164,9 @@ fn holds(world: &World, region: &Region, coupling: Spring, work: &Work) -> Resul
         }
         touched |= record.active > 0;
         if k >= ticks - last {
+            if grasps && record.active == 0 {
+                return Ok(false);
+            }
             rest.push(record.device_pose.translation.vector);
         }
     }

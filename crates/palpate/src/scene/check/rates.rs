@@ -5,6 +5,9 @@ use super::super::parse::Source;
 use super::Checked;
 use super::number::{not_negative, positive};
 
+/// Highest rate of ticks (Hz).
+const HIGHEST_TICK: f64 = 20_000.0;
+
 /// Checks every rate.
 pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     let r = &scene.rates;
@@ -16,8 +19,9 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
         let message = format!("the tick rate {} Hz is below the step rate {} Hz", r.tick, r.step);
         return Err(source.at("rates.tick", message, "use 1000 Hz for haptics, at least the step rate"));
     }
-    if r.tick > 20_000.0 {
-        return Err(source.at("rates.tick", format!("{} Hz leaves no time to work in", r.tick), "use at most 20000"));
+    if r.tick > HIGHEST_TICK {
+        let remedy = format!("use at most {HIGHEST_TICK}");
+        return Err(source.at("rates.tick", format!("{} Hz leaves no time to work in", r.tick), remedy));
     }
     gap(scene, source)
 }
@@ -36,7 +40,11 @@ fn gap(scene: &SceneDescription, source: &Source<'_>) -> Checked {
         "rates.tick = {tick} Hz sets ticks {period} s apart and limits.gap = {gap} s takes each for a gap: the force \
          would never rise"
     );
-    Err(source.at(said, message, format!("set rates.tick above {}, or limits.gap above {period}", 1.0 / gap)))
+    let faster = match 1.0 / gap {
+        rate if rate < HIGHEST_TICK => format!("rates.tick above {rate}, or "),
+        _ => String::new(),
+    };
+    Err(source.at(said, message, format!("set {faster}limits.gap above {period}")))
 }
 
 /// What becomes of the force while a snapshot waits for the next.
