@@ -29,6 +29,7 @@ pub mod problem_files;
 mod realtime;
 mod record;
 pub mod refresh;
+mod refresh_report;
 pub mod refresh_watch;
 pub mod replay;
 pub mod run;

@@ -18,6 +18,7 @@ use palpate_fem::model::FemState;
 use palpate_fem::sparse::SystemMatrix;
 use palpate_haptics::exchange::{Reader, Writer, latest};
 
+pub use crate::refresh_report::RefreshReport;
 use crate::run::RunError;
 use crate::step::StepWorkspace;
 use crate::world::World;
@@ -109,32 +110,6 @@ impl FactorSample {
         ws.precompute(world, &first);
         first.prepared = ws.room_for_prepared(world);
         Ok(first)
-    }
-}
-
-/// What one refresh did.
-#[derive(Clone, Copy, Debug)]
-pub struct RefreshReport {
-    /// Epoch of the factor that was made, or would have been.
-    pub epoch: u64,
-    /// Step whose matrix was taken.
-    pub step: u64,
-    /// Time of that step (s).
-    pub time: f64,
-    /// Time at which the factor was handed over (s).
-    pub handed_over: f64,
-    /// Work (s).
-    pub work: f64,
-    /// Whether it was urged by the step before its turn.
-    pub early: bool,
-    /// Whether the matrix could be factored; if not, the last good factor stays in use.
-    pub status: FactorStatus,
-}
-
-impl RefreshReport {
-    /// True where there is a new factor.
-    pub fn is_ok(&self) -> bool {
-        self.status == FactorStatus::Ok
     }
 }
 
