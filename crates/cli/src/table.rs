@@ -120,7 +120,10 @@ fn facts(s: &RunSummary) -> Table {
         "steps shortened / repeated / with elements held open / tangled / led out of it".to_string(),
         format!("{} / {} / {} / {} / {}", s.shortened, s.repeated, s.held_open, s.tangled, s.led),
     ]);
-    table.add_row(["steps with unsettled contact forces".to_string(), s.unsettled.to_string()]);
+    table.add_row([
+        "steps with contact forces unsolved / unsettled".to_string(),
+        format!("{} / {}", s.contact_unsolved, s.unsettled),
+    ]);
     let per_step = |n: u64| n as f64 / s.steps.max(1) as f64;
     table.add_row([
         "elements per step: tangent made definite / inverted".to_string(),

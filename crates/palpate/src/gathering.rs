@@ -1,6 +1,7 @@
 //! Gathers the reports of a run into its summary.
 
 mod summary;
+mod unsolved;
 
 use std::collections::BTreeMap;
 
@@ -14,6 +15,7 @@ use crate::step::{FactorFit, FailedElement, StepReport, StepStatus, Tangle};
 use crate::summary::{EventRecord, PortSummary, RunEnd, Tail};
 use crate::tick::{TickFlags, TickReport};
 use crate::world::{Rung, World};
+use unsolved::Unsolved;
 
 /// Tails, counts and extremes of a run so far.
 pub(crate) struct Gathering {
@@ -55,6 +57,7 @@ pub(crate) struct Gathering {
     /// The tangle of the last step, with the time at which it was first seen (s).
     tangle: Option<(f64, Tangle)>,
     unsettled: u64,
+    unsolved: Unsolved,
     filtered: u64,
     inverted: u64,
     worst_residual: f64,
@@ -118,6 +121,7 @@ impl Gathering {
             rescued: [0; 4],
             tangle: None,
             unsettled: 0,
+            unsolved: Unsolved::default(),
             filtered: 0,
             inverted: 0,
             worst_residual: 0.0,
@@ -172,6 +176,7 @@ impl Gathering {
         let since = self.tangle.map_or(report.time, |(since, _)| since);
         self.tangle = report.tangle.map(|tangle| (since, tangle));
         self.unsettled += u64::from(report.unsettled);
+        self.unsolved.add(report);
         self.filtered += u64::from(report.assembly.filtered);
         self.inverted += u64::from(report.assembly.inverted);
         self.worst_residual = self.worst_residual.max(report.solve.residual);

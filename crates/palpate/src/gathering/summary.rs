@@ -10,6 +10,7 @@ impl Gathering {
     /// The summary; `wall` is the time the run took in real time (s).
     pub(crate) fn summary(mut self, world: &World, wall: Option<f64>, trace: Option<TraceOutcome>) -> RunSummary {
         self.notes.extend(self.tangle_note());
+        self.notes.extend(self.unsolved.note(world.description()));
         let counts = self.counts();
         let rate = |n: u64| wall.map_or(0.0, |w| n as f64 / w);
         RunSummary {
@@ -61,6 +62,7 @@ impl Gathering {
             tangled: self.rescued[2],
             led: self.rescued[3],
             unsettled: self.unsettled,
+            contact_unsolved: self.unsolved.steps,
             filtered: self.filtered,
             inverted: self.inverted,
             largest_force: self.largest_force,
