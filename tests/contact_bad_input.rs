@@ -12,8 +12,8 @@ fn problem(w: &[f64], free: &[f64], laws: &[Law]) -> ConstraintProblem {
     ConstraintProblem::new(DMatrix::from_row_slice(n, n, w), DVector::from_column_slice(free), laws.to_vec()).unwrap()
 }
 
-/// Every solver's report; its forces are finite and no contact pulls.
-fn reports(problem: &ConstraintProblem) -> Vec<(&'static str, SolveReport)> {
+/// Every solver's report and forces; these are finite and no contact pulls.
+fn reports(problem: &ConstraintProblem) -> Vec<(&'static str, SolveReport, Vec<f64>)> {
     let solve = |name: &&'static str| {
         let solver = Solver::from_name(name).unwrap().limited(1e-8, Some(300));
         let mut lambda = vec![0.0; problem.rows()];
@@ -23,7 +23,7 @@ fn reports(problem: &ConstraintProblem) -> Vec<(&'static str, SolveReport)> {
             assert!(lambda[block.start] >= 0.0, "{name}: {lambda:?}");
         }
         assert_eq!(report.is_solved(), report.residual <= 1e-8, "{name}: {report:?}");
-        (*name, report)
+        (*name, report, lambda)
     };
     Solver::NAMES.iter().map(solve).collect()
 }
@@ -53,8 +53,9 @@ fn numbers_that_are_not_finite_end_as_such_with_zero_force() {
         assert!(in_w.validate().unwrap_err().to_string().contains("W["));
         let in_gap = problem(&[1.0, 0.0, 0.0, 1.0], &[-1.0, bad], &contacts(2));
         assert!(in_gap.validate().unwrap_err().to_string().contains("delta_free[1]"));
-        for (name, report) in reports(&in_w).into_iter().chain(reports(&in_gap)) {
-            assert!(!report.is_solved(), "{name}: {report:?}");
+        for (name, report, lambda) in reports(&in_w).into_iter().chain(reports(&in_gap)) {
+            assert_eq!(report.status, SolveStatus::NotFinite, "{name}, {bad}: {report:?}");
+            assert!(lambda == [0.0; 2] && report.residual == f64::INFINITY, "{name}, {bad}: {lambda:?}");
         }
     }
 }
@@ -66,11 +67,23 @@ fn friction_and_limits_below_zero_are_named_and_give_no_force_of_their_own() {
     let rubbing = problem(&w, &[-1.0, 0.5, 0.0], &[Coulomb { friction: -0.3 }.into()]);
     let told = rubbing.validate().unwrap_err().to_string();
     assert!(told.contains("block 0") && told.contains("rows from 0") && told.contains("-0.3"), "{told}");
-    reports(&rubbing);
+    // The free gap closes by a normal force of 1 N; friction that is none has no part in it.
+    for (name, report, lambda) in reports(&rubbing) {
+        assert!(lambda[0] <= 1.0 + 1e-12 && lambda[1..] == [0.0; 2], "{name}: {report:?} {lambda:?}");
+    }
     let held = problem(&[1.0, 0.0, 0.0, 1.0], &[-1.0; 2], &[Signorini.into(), Threshold { limit: -1.0 }.into()]);
     let told = held.validate().unwrap_err().to_string();
     assert!(told.contains("block 1") && told.contains("rows from 1") && told.contains("limit = -1"), "{told}");
-    reports(&held);
+    // The contact beside it is solved; the threshold, which can hold nothing, holds nothing.
+    for (name, report, lambda) in reports(&held) {
+        assert!(lambda[0] <= 1.0 + 1e-6 && lambda[1] == 0.0, "{name}: {report:?} {lambda:?}");
+        // Others find that there is no such force, and say so.
+        assert!(name != "gauss_seidel" || (lambda[0] - 1.0).abs() < 1e-6, "{report:?} {lambda:?}");
+        assert!(
+            (lambda[0] - 1.0).abs() < 1e-6 || report.status == SolveStatus::NoSolution,
+            "{name}: {report:?} {lambda:?}"
+        );
+    }
 }
 
 #[test]
@@ -90,7 +103,7 @@ fn closed_rows_that_conflict_are_not_solved_and_named() {
     let closed = || Law::from(Bilateral { rows: 1 });
     let problem = problem(&[1.0, 1.0, 1.0, 1.0], &[-1.0, 1.0], &[closed(), closed()]);
     assert!(problem.validate().is_ok(), "each number is sound");
-    for (name, report) in reports(&problem) {
+    for (name, report, _) in reports(&problem) {
         assert!(!report.is_solved(), "{name}: {report:?}");
         let told = report.explain(&problem);
         assert!(report.status == SolveStatus::Unsupported || told.contains("`bilateral`, row"), "{name}: {told}");

@@ -117,8 +117,16 @@ impl Outputs {
     }
 }
 
-/// True where both paths name the same file, whether it exists or not.
+/// True where both paths name the same file, whether it exists or not, be it by another link.
 fn same(a: &Path, b: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let node = |p: &Path| p.metadata().ok().map(|m| (m.dev(), m.ino()));
+        if node(a).is_some_and(|a| node(b) == Some(a)) {
+            return true;
+        }
+    }
     let whole = |p: &Path| {
         let p = std::path::absolute(p).unwrap_or_else(|_| p.into());
         p.canonicalize().unwrap_or(p)

@@ -3,7 +3,6 @@
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use palpate::solver::automatic::Attempt;
 use palpate::solver::comparison::SolverRun;
-use palpate::solver::report::SolveStatus;
 
 /// Status, iterations, residual and time of each solver.
 pub(crate) fn runs(runs: &[SolverRun]) -> Table {
@@ -14,7 +13,7 @@ pub(crate) fn runs(runs: &[SolverRun]) -> Table {
         let right = |text: String| Cell::new(text).set_alignment(CellAlignment::Right);
         table.add_row([
             Cell::new(run.solver),
-            Cell::new(status(run.report.status)),
+            Cell::new(run.report.status.in_words()),
             right(run.report.iterations.to_string()),
             right(format!("{:.1e}", run.judged)),
             right(format!("{:.1e} (block {})", run.report.worst_gap, run.report.worst_block)),
@@ -26,22 +25,7 @@ pub(crate) fn runs(runs: &[SolverRun]) -> Table {
 
 /// What the automatic choice tried, where that was more than one solver.
 pub(crate) fn attempts(run: &SolverRun) -> Option<String> {
-    let told = |attempt: &Attempt| format!("{} ({})", attempt.solver, status(attempt.report.status));
+    let told = |attempt: &Attempt| format!("{} ({})", attempt.solver, attempt.report.status.in_words());
     let tried: Vec<_> = run.attempts.iter().map(told).collect();
     (tried.len() > 1).then(|| format!("{} tried {}", run.solver, tried.join(", then ")))
-}
-
-/// A status in words.
-fn status(status: SolveStatus) -> &'static str {
-    match status {
-        SolveStatus::Solved => "solved",
-        SolveStatus::MaxIterations => "limit of iterations",
-        SolveStatus::Stalled => "stalled",
-        SolveStatus::TimeLimit => "limit of time",
-        SolveStatus::NoSolution => "no solution found",
-        SolveStatus::Unsupported => "not for this problem",
-        SolveStatus::NotFinite => "numbers not finite",
-        SolveStatus::Invalid => "invalid",
-        SolveStatus::CapacityExceeded => "too large",
-    }
 }

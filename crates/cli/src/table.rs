@@ -141,8 +141,8 @@ fn facts(s: &RunSummary) -> Table {
         table.add_row(["steps whose contacts were left out".to_string(), u.without_contact.to_string()]);
     }
     table.add_row([
-        "steps with unsettled contact forces / without the factor's copy in 16 bits".to_string(),
-        format!("{} / {}", s.unsettled, s.in_full),
+        "steps with contact forces unsolved / unsettled; solved without the factor's copy in 16 bits".to_string(),
+        format!("{} / {}; {}", s.contact_unsolved, s.unsettled, s.in_full),
     ]);
     let per_step = |n: u64| n as f64 / s.steps.max(1) as f64;
     table.add_row([

@@ -36,6 +36,37 @@ fn a_law_that_a_method_does_not_know_is_refused_with_its_line() {
     }
 }
 
+/// What a method does not read is refused, and so are springs whose force is rounding.
+#[test]
+fn settings_without_effect_and_springs_beyond_reason_are_refused() {
+    let cases: &[(&str, &str, &[&str])] = &[
+        ("method = \"penalty\"", "kind = \"lemke\"", &["kind = \"lemke\"", "no effect", "`penalty`"]),
+        ("method = \"lagrange\"", "relaxation = 0.5", &["relaxation = 0.5", "no effect", "`lagrange`"]),
+        ("method = \"penalty\"", "sweep_order = \"symmetric\"", &["sweep_order", "no effect"]),
+        ("method = \"penalty\"\npenalty = { stiffness = 10, multiple = 5 }", "", &["multiple = 5", "no effect"]),
+        ("method = \"penalty\"\npenalty = { stiffness = 1e14 }", "", &["stiffness = 1e14", "rounding", "1e12"]),
+        ("method = \"penalty\"\npenalty = { multiple = 1e300 }", "", &["multiple = 1e300", "rounding", "1e9"]),
+    ];
+    for (contact, solver, words) in cases {
+        let scene = SCENE.replace("friction = 0.3", &format!("friction = 0.3\n{contact}"));
+        let check = Place::with(&format!("{scene}\n[solver]\n{solver}\n")).run("check scene.toml");
+        assert_eq!(check.code, Some(2), "{contact} {solver}: {check:?}");
+        for word in *words {
+            assert!(check.err.contains(word), "{contact} {solver}: {word} in {}", check.err);
+        }
+    }
+    for method in ["penalty", "lagrange"] {
+        let scene = SCENE.replace("friction = 0.3", &format!("friction = 0.3\nmethod = \"{method}\""));
+        let check = Place::with(&scene).run("check scene.toml");
+        assert_eq!(check.code, Some(0), "{check:?}");
+        assert!(
+            check.out.contains(&format!("solver: {method} to 1e-6")) && !check.out.contains("automatic\""),
+            "{}",
+            check.out
+        );
+    }
+}
+
 /// What a scene may name is listed where one looks for it.
 #[test]
 fn help_and_scenes_list_laws_methods_and_solvers() {

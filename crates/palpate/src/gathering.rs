@@ -1,6 +1,7 @@
 //! Gathers the reports of a run into its summary.
 
 mod summary;
+mod unsolved;
 
 use std::collections::BTreeMap;
 
@@ -15,6 +16,7 @@ use crate::step::{FactorFit, FailedElement, StepReport, StepStatus, Tangle};
 use crate::summary::{EventRecord, PortSummary, RunEnd, Tail, Unconverged};
 use crate::tick::{TickFlags, TickReport};
 use crate::world::{Rung, World};
+use unsolved::Unsolved;
 
 /// Tails, counts and extremes of a run so far.
 pub(crate) struct Gathering {
@@ -57,6 +59,7 @@ pub(crate) struct Gathering {
     tangle: Option<(f64, Tangle)>,
     in_full: u64,
     unsettled: u64,
+    unsolved: Unsolved,
     filtered: u64,
     inverted: u64,
     worst_residual: f64,
@@ -123,6 +126,7 @@ impl Gathering {
             tangle: None,
             in_full: 0,
             unsettled: 0,
+            unsolved: Unsolved::default(),
             filtered: 0,
             inverted: 0,
             worst_residual: 0.0,
@@ -180,6 +184,7 @@ impl Gathering {
         self.tangle = report.tangle.map(|tangle| (since, tangle));
         self.in_full += u64::from(report.in_full > 0);
         self.unsettled += u64::from(report.unsettled);
+        self.unsolved.add(report);
         self.filtered += u64::from(report.assembly.filtered);
         self.inverted += u64::from(report.assembly.inverted);
         self.worst_residual = self.worst_residual.max(report.solve.residual);

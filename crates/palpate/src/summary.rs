@@ -248,6 +248,8 @@ pub struct RunSummary {
     pub in_full: u64,
     /// Steps by Newton's method whose contact forces still changed when their passes were used up.
     pub unsettled: u64,
+    /// Steps whose contact forces missed the solver's tolerance, or that had no compliance and went on without contact.
+    pub contact_unsolved: u64,
     /// Elements whose tangent the definiteness filter changed, over all steps.
     pub filtered: u64,
     /// Elements that were inverted at the start of a step, over all steps.

@@ -12,7 +12,8 @@
 //! Each begins at the best forces so far. The report has their residual, the iterations of all attempts, and how the run
 //! ended: a limit of time that was met, else the finding of the last attempt that had one (no solution, stalled), else the
 //! status of the attempt with the least residual. [`AutomaticWorkspace::attempts`] tells what was tried and how it ended. Step 6
-//! allocates, the others do not. [`AutomaticConfig::bounded`] leaves steps 4 and 6 out.
+//! allocates, the others do not. [`AutomaticConfig::bounded`] leaves steps 4 and 6 out. Steps 4 and 6, whose iterations are long,
+//! end after so many as are their own default, or sooner by the limit of each attempt.
 
 use crate::accelerated_gradient::{AcceleratedGradientConfig, AcceleratedGradientWorkspace};
 use crate::conic_friction::ConicFrictionConfig;
@@ -141,11 +142,13 @@ impl ConstraintSolver for AutomaticConfig {
         let first = GaussSeidelConfig::default().limited(tolerance, Some(most.min(FIRST_SWEEPS)));
         let sweeps = GaussSeidelConfig::default().limited(tolerance, Some(most));
         let newton = NewtonConfig::default().limited(tolerance, Some(most));
-        let lemke = LemkeConfig::default().limited(tolerance, None);
+        let own = LemkeConfig::default();
+        let lemke = own.limited(tolerance, Some(most.min(own.max_iterations)));
         let gradient =
             AcceleratedGradientConfig { stall_iterations: GRADIENT_STALL, ..AcceleratedGradientConfig::default() }
                 .limited(tolerance, Some(most));
-        let cones = ConicFrictionConfig::default().limited(tolerance, None);
+        let own = ConicFrictionConfig::default();
+        let cones = own.limited(tolerance, Some(most.min(own.max_iterations)));
         // In turn until one ends the search; nothing after that is run.
         let _over = attempt(&first, view, lambda, &mut ws.sweeps, watch, &mut best)
             || attempt(&newton, view, lambda, &mut ws.newton, watch, &mut best)

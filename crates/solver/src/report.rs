@@ -2,6 +2,9 @@
 
 use crate::problem::ConstraintProblem;
 
+/// Asymmetry of `W`, relative to `sqrt(W_ii W_jj)`, that is not held against it: files in single precision have 1e-3.
+const ASYMMETRY: f64 = 1e-2;
+
 /// How a solve ended. Only [`Solved`](SolveStatus::Solved) meets the tolerance; `lambda` is finite and admissible
 /// (inside its cone, block by block) in every case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -24,8 +27,27 @@ pub enum SolveStatus {
     NotFinite,
     /// Sizes of the problem, of `lambda` or of the workspace's last preparation disagree; `lambda` is zero.
     Invalid,
-    /// The problem is larger than the workspace; `lambda` is zero.
+    /// The problem is larger than the workspace; `lambda` is zero. Of Lemke's method also one that its tableau has no room for;
+    /// `lambda` is then the admissible start.
     CapacityExceeded,
+}
+
+impl SolveStatus {
+    /// The status in words.
+    #[must_use]
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::Solved => "solved",
+            Self::MaxIterations => "limit of iterations",
+            Self::Stalled => "stalled",
+            Self::TimeLimit => "limit of time",
+            Self::NoSolution => "no solution found",
+            Self::Unsupported => "not for this problem",
+            Self::NotFinite => "numbers not finite",
+            Self::Invalid => "invalid",
+            Self::CapacityExceeded => "too large",
+        }
+    }
 }
 
 /// Outcome of one solve.
@@ -59,12 +81,25 @@ impl SolveReport {
         let (law, first, last) = (block.law.name(), block.start, block.start + block.law.rows() - 1);
         let rows = if last > first { format!("rows {first} to {last}") } else { format!("row {first}") };
         let place = format!("block {} (`{law}`, {rows})", self.worst_block);
+        let mistake = problem.validate_symmetric_to(ASYMMETRY).err();
         if !self.worst_gap.is_finite() {
-            return format!("{place}: no residual could be computed; look for numbers that are not finite");
+            return match (problem.check_finite(), mistake) {
+                (Err(number), _) => format!("{place}: no residual could be computed: {number}"),
+                (_, Some(mistake)) => format!("{place}: the iteration diverged: {mistake}"),
+                _ if self.status == SolveStatus::NotFinite => format!(
+                    "{place}: forces grew beyond what numbers hold, though the problem is finite: its compliance is too small \
+                     for its gaps, or the iteration diverged"
+                ),
+                _ => format!("{place}: no residual could be computed, the problem is {}", self.status.in_words()),
+            };
         }
         let gap = self.worst_gap;
         match self.status {
             SolveStatus::Solved => format!("{place} has the largest gap error that is left, {gap:.1e} m"),
+            SolveStatus::Stalled | SolveStatus::NoSolution if mistake.is_some() => format!(
+                "{place} is farthest from its law, by a gap of {gap:.1e} m; {}",
+                mistake.map_or_else(String::new, |mistake| mistake.to_string())
+            ),
             SolveStatus::Stalled | SolveStatus::NoSolution => format!(
                 "{place} is farthest from its law, by a gap of {gap:.1e} m that no force was found to remove; it may \
                  conflict with other rows"

@@ -9,11 +9,12 @@
 //! ```
 //!
 //! It is zero exactly at solutions, and takes no notice of how a solver came to `lambda` [Acary, Brémond and Huber 2018,
-//! natural map]. Two departures: `rho_a` is `1 / mean diagonal of W_aa` rather than 1, so that the number does not depend
-//! on units or on the stiffness of the bodies, and reads as the gap error that is left; and `scale` is `|delta_free|`
+//! natural map]. Three departures: `rho_a` is `1 / mean diagonal of W_aa` rather than 1, so that the number does not depend
+//! on units or on the stiffness of the bodies, and reads as the gap error that is left; `scale` is `|delta_free|`
 //! over the blocks that need a force rather than over all, since contacts that are merely near would otherwise loosen
 //! the tolerance of those that touch; and each share is raised by the rounding of its force, `2 eps |lambda_a| / rho_a`, so
-//! that forces that grow for ever (conflicting rows) never pass for a solution. A residual of 1 means that about as much violation is left as there was.
+//! that forces that grow for ever (conflicting rows) never pass for a solution. A residual of 1 means that about as much
+//! violation is left as there was.
 
 use crate::problem::{Block, ProblemView, gather};
 use palpate_constraints::law::{EightContacts, Law, natural_stiffness};

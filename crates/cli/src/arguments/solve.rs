@@ -15,8 +15,10 @@ pub(super) const SOLVE_EXAMPLES: &str = "Examples:
 
 Exit codes:
     0  every problem was solved to the tolerance
+    1  the same, but --out could not be written whole
     2  a mistake in the command line or in a file; nothing was solved
-    6  a problem was not solved to the tolerance";
+    6  a problem was not solved to the tolerance
+  130  ended by Ctrl-C; what was solved up to there was written";
 
 #[derive(Debug, Args)]
 pub(crate) struct SolveArguments {

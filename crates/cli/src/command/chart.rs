@@ -14,10 +14,12 @@ const SHARED: &str = "PALPATE_SHARED";
 
 pub(crate) fn chart(arguments: &ChartArguments) -> Result<u8> {
     let name = arguments.chart.name();
+    // Before anything is made.
+    let data = data(arguments)?;
     make_folder("--out", &arguments.out)?;
     let picture = arguments.out.join(format!("{name}.svg"));
     check_writable("--out", &picture)?;
-    let settings = Settings { quick: arguments.quick, data: data(arguments)? };
+    let settings = Settings { quick: arguments.quick, data };
     let stop = super::stop_on_interrupt()?;
     let work = Work::new(stop, arguments.quiet);
     // One core: what is compared are methods, not machines.

@@ -1,6 +1,11 @@
 //! `palpate solve`.
 
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::thread;
+use std::time::Duration;
 
 use miette::{IntoDiagnostic, Report, Result, miette};
 use palpate::solver::comparison::{SolverRun, run_all_from};
@@ -14,6 +19,9 @@ use crate::arguments::SolveArguments;
 use crate::exit;
 use crate::output::{check_kept, check_writable, say};
 use crate::solver_table;
+
+/// Time between two looks at Ctrl-C.
+const LOOK: Duration = Duration::from_millis(20);
 
 /// Entries of a residual history in JSON; a run with more iterations shows its begin.
 const HISTORY: usize = 10_000;
@@ -40,36 +48,95 @@ pub(crate) fn solve(arguments: &SolveArguments) -> Result<u8> {
     // Every file is read before any is solved: a mistake in the last must not cost the time of the others.
     let problems = arguments.files.iter().map(|file| open(file, arguments.warm)).collect::<Result<Vec<_>>>()?;
     let solvers = solvers(arguments);
-    let samples = if arguments.json { HISTORY } else { 0 };
-    let (mut all_solved, mut described) = (true, Vec::new());
-    for (file, (problem, start)) in arguments.files.iter().zip(&problems) {
+    let stop = super::stop_on_interrupt()?;
+    let (problems, answers) = solve_aside(problems, &solvers, arguments);
+    let (mut all_solved, mut lost, mut described) = (true, false, Vec::new());
+    for (file, (problem, _)) in arguments.files.iter().zip(problems.iter()) {
         // Not one of contact, then; some solvers take it all the same.
         if let Err(warning) = problem.validate() {
             eprintln!("warning: {}: {warning}", file.display());
         } else if let Err(warning) = problem.check_semidefinite() {
             eprintln!("warning: {}: {warning}", file.display());
         }
-        let runs = run_all_from(problem, start, &solvers, arguments.time_limit, samples);
+        let runs: Vec<_> = solvers.iter().map_while(|_| next(&answers, &stop)).collect();
+        let ended = runs.len() < solvers.len();
         all_solved &= runs.iter().any(|run| run.report.is_solved());
-        if arguments.json {
+        if arguments.json && !runs.is_empty() {
             described.push(description(file, problem, arguments.tol, &runs));
-        } else {
-            let (blocks, rows) = (problem.blocks().len(), problem.rows());
-            say(format_args!("{}: {blocks} blocks, {rows} rows", file.display()))?;
-            say(solver_table::runs(&runs))?;
-            runs.iter().filter_map(solver_table::attempts).try_for_each(say)?;
-            if let Some(best) = best(&runs).filter(|_| !runs.iter().any(|run| run.report.is_solved())) {
-                say(format_args!("{}: {}", best.solver, best.report.explain(problem)))?;
-            }
+        } else if !runs.is_empty() {
+            tell(file, problem, &runs)?;
         }
-        if let Some(out) = &arguments.out {
-            write(out, problem, &runs)?;
+        if let Some(out) = &arguments.out
+            && let Err(error) = write(out, problem, &runs)
+        {
+            eprintln!("warning: {error}");
+            lost = true;
+        }
+        if ended {
+            break;
         }
     }
     if arguments.json {
         say(format_args!("{:#}", Value::from(described)))?;
     }
-    Ok(if all_solved { 0 } else { exit::NOT_SOLVED })
+    Ok(match (stop.load(Ordering::SeqCst), all_solved, lost) {
+        (true, ..) => exit::INTERRUPTED,
+        (false, false, _) => exit::NOT_SOLVED,
+        (false, true, true) => exit::FILE_LOST,
+        (false, true, false) => 0,
+    })
+}
+
+/// Problems, each with the forces to begin with.
+type Problems = Arc<Vec<(ConstraintProblem, Vec<f64>)>>;
+
+/// Solves on a thread of its own, file by file and solver by solver, so that Ctrl-C is heeded in the midst of a run.
+fn solve_aside(
+    problems: Vec<(ConstraintProblem, Vec<f64>)>,
+    solvers: &[Solver],
+    arguments: &SolveArguments,
+) -> (Problems, Receiver<SolverRun>) {
+    let problems = Arc::new(problems);
+    let (work, solvers) = (Arc::clone(&problems), solvers.to_vec());
+    let (time_limit, samples) = (arguments.time_limit, if arguments.json { HISTORY } else { 0 });
+    let (sender, answers) = mpsc::channel();
+    thread::spawn(move || {
+        for (problem, start) in work.iter() {
+            for solver in &solvers {
+                let runs = run_all_from(problem, start, std::slice::from_ref(solver), time_limit, samples);
+                // Nobody listens any more after Ctrl-C.
+                if runs.into_iter().try_for_each(|run| sender.send(run)).is_err() {
+                    return;
+                }
+            }
+        }
+    });
+    (problems, answers)
+}
+
+/// The next answer; none after Ctrl-C.
+fn next(answers: &Receiver<SolverRun>, stop: &AtomicBool) -> Option<SolverRun> {
+    while !stop.load(Ordering::SeqCst) {
+        match answers.recv_timeout(LOOK) {
+            Ok(run) => return Some(run),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return None,
+        }
+    }
+    None
+}
+
+/// Prints the runs on one problem.
+fn tell(file: &Path, problem: &ConstraintProblem, runs: &[SolverRun]) -> Result<()> {
+    let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    let (blocks, rows) = (count(problem.blocks().len(), "block"), count(problem.rows(), "row"));
+    say(format_args!("{}: {blocks}, {rows}", file.display()))?;
+    say(solver_table::runs(runs))?;
+    runs.iter().filter_map(solver_table::attempts).try_for_each(say)?;
+    match best(runs).filter(|_| !runs.iter().any(|run| run.report.is_solved())) {
+        Some(best) => say(format_args!("{}: {}", best.solver, best.report.explain(problem))),
+        None => Ok(()),
+    }
 }
 
 /// The problem in a file, with numbers that a solver can begin with, and the forces to begin with: none unless `warm`.
@@ -128,9 +195,9 @@ fn description(file: &Path, problem: &ConstraintProblem, tolerance: f64, runs: &
     })
 }
 
-/// The run with the least residual.
+/// The run with the least residual; of equals one that can tell how far it is from its law.
 fn best(runs: &[SolverRun]) -> Option<&SolverRun> {
-    runs.iter().min_by(|a, b| a.judged.total_cmp(&b.judged))
+    runs.iter().min_by(|a, b| a.judged.total_cmp(&b.judged).then(a.report.worst_gap.total_cmp(&b.report.worst_gap)))
 }
 
 /// Forces (N) and gaps (m) of the run with the least residual.

@@ -103,8 +103,14 @@ impl ContactLaw for Coulomb {
         if !is_finite(force) {
             return Vector3::zeros();
         }
-        let mu = self.friction;
+        let mu = self.coefficient();
         let tangential = force.yz().norm();
+        // The norm overflows beyond 1e154 N; a cone has no size, so that the projection of a part is that part of it.
+        if !tangential.is_finite() {
+            let size = force.amax();
+            let nearest = self.project(&(force / size)) * size;
+            return if is_finite(&nearest) { nearest } else { Vector3::zeros() };
+        }
         // With room for the rounding of a sliding force, so that projecting it again changes no bit.
         if force.x >= 0.0 && tangential <= mu * force.x * (1.0 + 4.0 * f64::EPSILON) {
             return *force;
@@ -115,13 +121,13 @@ impl ContactLaw for Coulomb {
         let lambda_n = ((force.x + mu * tangential) / (1.0 + mu * mu)).max(0.0);
         let shrink = if tangential > 0.0 { mu * lambda_n / tangential } else { 0.0 };
         let surface = Vector3::new(lambda_n, shrink * force.y, shrink * force.z);
-        // The norm overflows beyond 1e154 N.
+        // Beyond 1e305 N.
         if is_finite(&surface) { surface } else { Vector3::zeros() }
     }
 
     #[inline]
     fn corrected_gap(&self, delta: &Vector3<f64>) -> Vector3<f64> {
-        Vector3::new(delta.x + self.friction * delta.yz().norm(), delta.y, delta.z)
+        Vector3::new(delta.x + self.coefficient() * delta.yz().norm(), delta.y, delta.z)
     }
 
     fn conic_form(&self) -> ConicForm {
@@ -143,7 +149,7 @@ impl ContactLaw for Coulomb {
             return equation;
         }
         equation.close(0, rho, delta);
-        equation.disc(0.0, self.friction, rho, delta, lambda);
+        equation.disc(0.0, self.coefficient(), rho, delta, lambda);
         equation
     }
 }
@@ -151,7 +157,10 @@ impl ContactLaw for Coulomb {
 /// [`ContactLaw::natural_map`] of one contact, or of one in each lane. `rho` in N/m, `delta` in m, `lambda` in N.
 #[inline(always)]
 pub(super) fn natural_map<T: Real>(mu: T, rho: T, delta: [T; 3], lambda: [T; 3]) -> [T; 3] {
-    let (zero, norm) = (mu.constant(0.0), |y: T, z: T| (y * y + z * z).sqrt());
+    let (zero, nowhere) = (mu.constant(0.0), mu.constant(f64::NAN));
+    let norm = |y: T, z: T| (y * y + z * z).sqrt();
+    // As in `coefficient`.
+    let mu = mu.larger(zero);
     let corrected = delta[0] + mu * norm(delta[1], delta[2]);
     let x = [lambda[0] - corrected * rho, lambda[1] - delta[1] * rho, lambda[2] - delta[2] * rho];
     let tangential = norm(x[1], x[2]);
@@ -159,14 +168,14 @@ pub(super) fn natural_map<T: Real>(mu: T, rho: T, delta: [T; 3], lambda: [T; 3])
     let normal = ((x[0] + mu * tangential) / (mu * mu + 1.0)).larger(zero);
     let shrink = mu * normal / tangential;
     let surface = [normal, shrink * x[1], shrink * x[2]];
-    // The norm overflows beyond 1e154 N.
+    // Forces beyond 1e154 N have no norm, and no residual: a projection made up for them would pass for a solution.
     let finite = mu.constant(f64::INFINITY).above(surface[0].abs() + surface[1].abs() + surface[2].abs());
     let outside = tangential.above(mu * x[0] * (1.0 + 4.0 * f64::EPSILON));
     let pushed = (mu * tangential).above(-x[0]);
     let part = |c: usize| {
-        let nearest = surface[c].or_where_not(finite, zero).or_where_not(outside, x[c]).or_where_not(pushed, zero);
+        let nearest = surface[c].or_where_not(finite, nowhere).or_where_not(outside, x[c]).or_where_not(pushed, zero);
         // Infinity and NaN become NaN.
-        lambda[c] - nearest + x[c] * 0.0
+        lambda[c] - nearest + (x[c] + tangential) * 0.0
     };
     [part(0), part(1), part(2)]
 }
@@ -185,6 +194,11 @@ struct SlipForce {
 }
 
 impl Coulomb {
+    /// The coefficient by which forces are computed: one below zero, which [`validate`](ContactLaw::validate) refuses, is none.
+    fn coefficient(&self) -> f64 {
+        self.friction.max(0.0)
+    }
+
     /// Solves case 3, from the slip that belongs to the force `start`. Expects `b_n < 0`, positive friction, and a stick
     /// force outside the cone.
     #[allow(non_snake_case)]

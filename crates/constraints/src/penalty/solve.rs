@@ -10,6 +10,8 @@
 //!
 //! With the bounds held the energy is convex, and Newton's method with the search ends whatever the stiffness. Taking them from the
 //! normal force in every iteration goes round in circles between stick and slip once contacts are stiff.
+//! A run that ends before that hands its motion and forces out only where they balance to [`BALANCED`]: the forces of very stiff
+//! contacts are the rounding of their gaps times the stiffness, far larger than what the motion answers.
 //! `w` (m/s) is what contact adds to the free velocity. The linear systems are solved by conjugate gradients with a
 //! preconditioner made for `A` alone: every contact row is one more eigenvalue, so that they take some tens of iterations, and more
 //! the stiffer the contacts. The matrix has the pattern of `A` because the nodes of a contact share an element.
@@ -28,6 +30,9 @@ const HELD: f64 = 0.1;
 
 /// Most halvings of one of Newton's steps.
 const MOST_CUTS: u32 = 30;
+
+/// Balance, relative to the contact forces, up to which the motion and forces of a run that did not converge are handed out.
+pub const BALANCED: f64 = 1e-2;
 
 /// Fall of the energy that is asked for, relative to the slope (Armijo).
 const SLOPE: f64 = 1e-4;
@@ -66,9 +71,9 @@ pub struct PenaltyLimits {
 pub enum PenaltyStatus {
     /// The balance holds to the tolerance.
     Converged,
-    /// The iterations are used up.
+    /// The iterations are used up; motion and forces are zero where they do not balance to [`BALANCED`].
     OutOfIterations,
-    /// No step along the direction lowers the energy, or the linear solve had no direction.
+    /// No step along the direction lowers the energy, or the linear solve had no direction; motion and forces as above.
     Stalled,
     /// A number was not finite; motion and forces are zero.
     NonFinite,
@@ -183,13 +188,16 @@ pub fn penalty_motion(
         }
         report.iterations += 1;
     };
-    match report.status {
-        PenaltyStatus::NonFinite | PenaltyStatus::Invalid => {
-            w.fill(0.0);
-            lambda.fill(0.0);
-        }
+    let gave_up = matches!(report.status, PenaltyStatus::NonFinite | PenaltyStatus::Invalid);
+    if !gave_up {
         // The forces of the motion that is handed back, inside the cones.
-        _ => report.balance = balance(problem, Bounds::True, lambda, ws),
+        report.balance = balance(problem, Bounds::True, lambda, ws);
+    }
+    // Written so that NaN does not balance.
+    let balanced = report.balance <= BALANCED;
+    if gave_up || !balanced {
+        w.fill(0.0);
+        lambda.fill(0.0);
     }
     report
 }

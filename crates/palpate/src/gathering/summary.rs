@@ -10,6 +10,7 @@ impl Gathering {
     /// The summary; `wall` is the time the run took in real time (s).
     pub(crate) fn summary(mut self, world: &World, wall: Option<f64>, trace: Option<TraceOutcome>) -> RunSummary {
         self.notes.extend(self.tangle_note());
+        self.notes.extend(self.unsolved.note(world.description()));
         let counts = self.counts();
         let rate = |n: u64| wall.map_or(0.0, |w| n as f64 / w);
         RunSummary {
@@ -63,6 +64,7 @@ impl Gathering {
             led: self.rescued[3],
             in_full: self.in_full,
             unsettled: self.unsettled,
+            contact_unsolved: self.unsolved.steps,
             filtered: self.filtered,
             inverted: self.inverted,
             largest_force: self.largest_force,

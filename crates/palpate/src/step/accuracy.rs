@@ -64,16 +64,26 @@ pub(super) fn correct_exactly(
             look(world, factor, 0.0, ws, report);
         }
     }
+    // Before the free gaps become those of the refined problem.
+    measure_overlap(world, true, ws, report);
+    hand_down(ws);
+}
+
+/// How deep contacts overlap at the end of the step, where the motion is that in `ws.correction` or, where no force touches the
+/// body, the free one: a solver that gave up with no force leaves all of the overlap.
+pub(super) fn measure_overlap(world: &World, touched: bool, ws: &StepWorkspace, report: &mut StepReport) {
+    if *world.integration() != Integration::BackwardEuler {
+        return;
+    }
     for (block, problem_block) in ws.rows.blocks.iter().zip(ws.problem.blocks()) {
         let row = block.range().start;
         // Skin that has given way is meant to be passed; the solver's tolerance may leave its force a little short.
         if matches!(problem_block.law, Law::Threshold(threshold) if ws.lambda[row] >= 0.999 * threshold.limit) {
             continue;
         }
-        let gap = ws.rows.delta_free[row] + opening(ws, row);
+        let gap = ws.rows.delta_free[row] + if touched { opening(ws, row) } else { 0.0 };
         report.error.overlap = report.error.overlap.max(-gap);
     }
-    hand_down(ws);
 }
 
 /// [`exact_motion`] to a relative residual, or to the scene's where that is greater, and the error of `W` along the forces.

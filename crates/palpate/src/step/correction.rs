@@ -104,6 +104,8 @@ pub(super) fn correct(
     }
     if touched {
         accuracy::correct_exactly(world, factor, state, ws, report);
+    } else {
+        accuracy::measure_overlap(world, false, ws, report);
     }
     // Explicit forces are those of a step that ended where this one begins.
     let explicit = matches!(world.integration(), Integration::Explicit { .. });

@@ -62,6 +62,7 @@ use palpate_collision::ToolPose;
 use palpate_constraints::compliance::ComplianceMethod;
 use palpate_fem::assembly::assemble;
 use palpate_haptics::snapshot::HapticSnapshot;
+use palpate_solver::report::SolveStatus;
 
 use self::guard::guard;
 use self::held_open::hold_open;
@@ -185,7 +186,8 @@ fn contact(
 }
 
 /// Explicit substeps, each with its own contact, the tool on its way from its last pose to the new one. The report's
-/// force and torque are means over the substeps, its residual and gap the worst, its iterations and times sums.
+/// force and torque are means over the substeps, its residual and gap the worst, its iterations and times sums; it is solved where
+/// all of them are.
 fn explicit(
     world: &World,
     input: &StepInput<'_>,
@@ -198,6 +200,7 @@ fn explicit(
     let from = state.tool.unwrap_or(input.tool);
     let share = 1.0 / f64::from(substeps);
     let (mut force, mut torque, mut residual, mut sweeps) = (Vector3::zeros(), Vector3::zeros(), 0.0_f64, 0);
+    let mut ended = SolveStatus::Solved;
     for k in 1..=substeps {
         free_motion::explicit_motion(world, state, ws, report);
         report.times.free_motion += clock.lap();
@@ -210,10 +213,11 @@ fn explicit(
         }
         (force, torque) = (force + report.force * share, torque + report.torque * share);
         residual = residual.max(report.solve.residual);
+        ended = if report.solve.is_solved() { ended } else { report.solve.status };
         sweeps += report.solve.iterations;
     }
     (report.force, report.torque) = (force, torque);
-    (report.solve.residual, report.solve.iterations) = (residual, sweeps);
+    (report.solve.status, report.solve.residual, report.solve.iterations) = (ended, residual, sweeps);
 }
 
 /// Laps of the stages.

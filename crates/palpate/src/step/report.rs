@@ -195,7 +195,7 @@ impl StepReport {
     }
 
     /// Names and units of [`StepReport::row`].
-    pub const COLUMNS: [&'static str; 40] = [
+    pub const COLUMNS: [&'static str; 41] = [
         "step",
         "time_s",
         "tool_x_m",
@@ -216,6 +216,7 @@ impl StepReport {
         "contacts",
         "active_contacts",
         "residual",
+        "contact_unsolved",
         "sweeps",
         "solver_attempts",
         "cg_iterations",
@@ -239,7 +240,7 @@ impl StepReport {
     ];
 
     /// The report as one row of a table.
-    pub fn row(&self) -> [f64; 40] {
+    pub fn row(&self) -> [f64; 41] {
         let p = self.tool.frame.translation.vector;
         let r = self.tool.frame.rotation;
         [
@@ -263,6 +264,7 @@ impl StepReport {
             self.detection.contacts as f64,
             self.active as f64,
             self.solve.residual,
+            f64::from(u8::from(!self.solve.is_solved())),
             f64::from(self.solve.iterations),
             f64::from(self.attempts),
             self.free_motion.iterations as f64,

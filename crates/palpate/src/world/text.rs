@@ -98,7 +98,20 @@ impl World {
         for change in &self.changes {
             let _ = writeln!(text, "event at {} s: {}", Readable(change.time()), change.text());
         }
-        let _ = writeln!(text, "solver: {}", one_line(&d.solver));
+        let s = &d.solver;
+        let _ = match c.method {
+            ContactMethod::Compliance => writeln!(text, "solver: {}", one_line(s)),
+            // A direct approach takes no solver's kind.
+            _ => writeln!(
+                text,
+                "solver: {} to {:e} in at most {} iterations; a tick by Gauss-Seidel to {:e} in at most {} sweeps",
+                c.method.name(),
+                s.tolerance,
+                s.max_sweeps,
+                s.tick_tolerance,
+                s.tick_sweeps
+            ),
+        };
         let _ = writeln!(text, "tick: {}", self.tick_method());
         let _ = writeln!(text, "{}", self.force_path());
         let _ = writeln!(text, "integrator: {}", self.integration);

@@ -88,8 +88,8 @@ pub enum ProblemError {
     },
     /// `W` is not symmetric.
     #[error(
-        "W[{row}, {column}] = {value} but W[{column}, {row}] = {transposed}: the asymmetry is {asymmetry:.1e}, \
-         more than {tolerance:.1e}; W = h^2 H A^-1 H^T is symmetric"
+        "W[{row}, {column}] = {value} but W[{column}, {row}] = {transposed}: {}; W = h^2 H A^-1 H^T is symmetric",
+        measured(*asymmetry, *tolerance)
     )]
     NotSymmetric {
         /// The row.
@@ -131,4 +131,13 @@ pub enum ProblemError {
         /// The pivot, m/N.
         pivot: f64,
     },
+}
+
+/// An asymmetry in words.
+fn measured(asymmetry: f64, tolerance: f64) -> String {
+    if asymmetry.is_finite() {
+        format!("the asymmetry is {asymmetry:.1e}, more than {tolerance:.1e}")
+    } else {
+        "they differ, and a row of the two has no compliance of its own".into()
+    }
 }

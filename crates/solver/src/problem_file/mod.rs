@@ -52,7 +52,11 @@ pub enum ProblemFileError {
         version: u32,
     },
     /// The file is HDF5.
-    #[error("HDF5 files (FCLIB) are not read; convert the problem to `{FORMAT}`, which is JSON")]
+    #[error(
+        "HDF5 files (FCLIB) are not read: the bindings need the system's HDF5 library, and there was no file of FCLIB's own making \
+         to prove a reader in pure Rust on; convert the problem to `{FORMAT}`, which is JSON, or let Siconos write it as text \
+         (frictionContact_printInFilename)"
+    )]
     Hdf5,
     /// There is nothing in the file.
     #[error("the file is empty")]

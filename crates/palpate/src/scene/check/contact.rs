@@ -3,12 +3,20 @@
 use nalgebra::Isometry3;
 use palpate_collision::detection::ContactKind;
 use palpate_constraints::law::{ConicForm, ContactLaw, Coulomb};
+use palpate_constraints::penalty::PenaltyConfig;
 use palpate_solver::solver::SolverKind;
 
 use super::super::description::{ContactDescription, ContactLawKind, ContactMethod, IntegratorKind, SceneDescription};
 use super::super::parse::Source;
 use super::Checked;
 use super::number::{at_least_one, not_negative, positive};
+
+/// Largest stiffness (N/m) of a penalty. A gap of millimetres is known to 1e-18 m, so that the force of a spring ten times
+/// as stiff is off by tens of newtons where the motion is right to the last bit.
+const STIFFEST: f64 = 1e12;
+
+/// The same as a multiple of the body's own stiffness at a contact, some tens to thousands of N/m.
+const MOST_TIMES: f64 = 1e9;
 
 /// Checks every value of contact and solvers.
 pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
@@ -112,6 +120,13 @@ fn solver(scene: &SceneDescription, source: &Source<'_>) -> Checked {
         return Err(source.at("solver.kind", message, "set kind = \"conic_friction\" or \"automatic\""));
     }
     let s = &scene.solver;
+    let kind = (s.kind != SolverKind::Automatic).then(|| ("kind", format!("kind = \"{}\"", s.kind.solver().name())));
+    let relaxation = s.relaxation.map(|r| ("relaxation", format!("relaxation = {r}")));
+    let order = s.sweep_order.map(|order| ("sweep_order", format!("sweep_order = \"{}\"", order.name())));
+    if let Some((key, given)) = kind.or(relaxation).or(order).filter(|_| c.method != ContactMethod::Compliance) {
+        let message = format!("{given} has no effect at step rate: the method is `{}`", c.method.name());
+        return Err(source.at(&format!("solver.{key}"), message, "remove it, or set method = \"compliance\""));
+    }
     let given = [("relaxation", s.relaxation.is_some()), ("sweep_order", s.sweep_order.is_some())];
     if let Some((key, _)) = given.iter().find(|(_, given)| *given && s.kind != SolverKind::GaussSeidel) {
         let message = format!("`{key}` has no effect: it belongs to Gauss-Seidel");
@@ -152,7 +167,17 @@ fn contact_method(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     }
     if let Some(stiffness) = penalty.stiffness {
         positive(source, "contact.penalty.stiffness", stiffness, "N/m")?;
+        if penalty.multiple != PenaltyConfig::default().multiple {
+            let message = format!("multiple = {} has no effect: the stiffness is given", penalty.multiple);
+            return Err(source.at("contact.penalty.multiple", message, "remove one of the two"));
+        }
     }
     positive(source, "contact.penalty.multiple", penalty.multiple, "")?;
+    let given = [("stiffness", penalty.stiffness, STIFFEST), ("multiple", Some(penalty.multiple), MOST_TIMES)];
+    if let Some((key, Some(value), most)) = given.iter().find(|(_, value, most)| value.is_some_and(|v| v > *most)) {
+        let message = format!("{key} = {value:e} makes forces of the rounding of gaps");
+        let remedy = format!("give at most {most:e}: a larger one is no nearer to the law of contact");
+        return Err(source.at(&format!("contact.penalty.{key}"), message, remedy));
+    }
     not_negative(source, "contact.penalty.damping", penalty.damping, "s")
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default)]
 pub struct SolverDescription {
     /// Register name of the solver at step rate. `automatic`, the default, begins with a few sweeps of Gauss-Seidel and goes
-    /// on to semismooth Newton, many sweeps and the accelerated gradient where those do not settle it; it allocates nothing
+    /// on to semismooth Newton, the accelerated gradient and many sweeps where those do not settle it; it allocates nothing
     /// but faer's packing memory at the first Newton step of a thread. `gauss_seidel`, `semismooth_newton`, ... have no
     /// fall-back. The tick always takes warm-started Gauss-Seidel, whose work is bounded.
     pub kind: SolverKind,
