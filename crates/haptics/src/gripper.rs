@@ -70,9 +70,6 @@ pub struct Gripper {
     torque_slew: f64,
     /// The port's account, with angles for ways along x.
     passivity: Passivity,
-    /// Share of a change of the rate that a tick believes.
-    follows: f64,
-    period: f64,
 }
 
 /// What a gripper remembers between ticks: state.
@@ -122,8 +119,8 @@ impl Gripper {
         let compliance = 1.0 / (config.stiffness + config.damping / period);
         let memory = config.damping / period * compliance;
         let GripConfig { max_torque, torque_slew, .. } = *config;
-        let (passivity, follows) = (passivity.of_one_angle(config.damping), period / (period + SMOOTHING));
-        Ok(Self { hinge, compliance, memory, max_torque, torque_slew, passivity, follows, period })
+        let passivity = passivity.of_one_angle(config.damping);
+        Ok(Self { hinge, compliance, memory, max_torque, torque_slew, passivity })
     }
 
     /// Axis and range of its jaws.
@@ -143,19 +140,20 @@ impl Gripper {
         state.device = self.hinge.opening(measured);
     }
 
-    /// Books what went through the gripper since the tick before. Once a tick, after [`Self::read`].
-    pub(crate) fn observe(&self, state: &mut GripperState) {
+    /// Books what went through the gripper since the tick before, `dt` \[s\] ago, > 0. Once a tick, after [`Self::read`].
+    pub(crate) fn observe(&self, state: &mut GripperState, dt: f64) {
         let before = state.before.replace(state.device).unwrap_or(state.device);
-        state.rate += ((state.device - before) / self.period - state.rate) * self.follows;
+        // Backward Euler of the low-pass.
+        state.rate += (state.device - before - state.rate * dt) / (dt + SMOOTHING);
         self.passivity.observe(&mut state.passivity, &Isometry3::translation(state.device, 0.0, 0.0));
     }
 
     /// What of a torque the account lets through \[N m\].
-    fn passive(&self, state: &GripperState, torque: f64) -> f64 {
+    fn passive(&self, state: &GripperState, torque: f64, dt: f64) -> f64 {
         let (along, mut flags) = (|x: f64| Vector3::new(x, 0.0, 0.0), TickFlags::default());
         let wanted = Wrench { force: along(torque), torque: Vector3::zeros() };
         let motion = Twist { linear: along(state.rate), angular: Vector3::zeros() };
-        self.passivity.act(&state.passivity, &wanted, &motion, &mut flags).force.x
+        self.passivity.act(&state.passivity, &wanted, &motion, dt, &mut flags).force.x
     }
 
     /// Remembers the torque that was sent, `dt` \[s\] after the tick before.
@@ -195,7 +193,7 @@ impl Gripper {
             self.keep(state, false, dt);
             return (0.0, 0.0);
         }
-        let target = self.passive(state, wanted);
+        let target = self.passive(state, wanted, dt);
         let cut = target.clamp(-self.max_torque, self.max_torque);
         flags.set_if(cut != target && self.max_torque > 0.0, TickFlags::TORQUE_LIMITED);
         let step = self.torque_slew * dt.max(0.0);
@@ -251,7 +249,7 @@ mod tests {
         for k in 0..1000 {
             let time = f64::from(k) * TICK;
             gripper.read(&mut state, opening(time));
-            gripper.observe(&mut state);
+            gripper.observe(&mut state, TICK);
             let angle = state.device;
             // No delay in this device's record: the torque of a tick acts until the next.
             got += before.map_or(0.0, |(then, sent)| sent * (angle - then));
@@ -281,5 +279,20 @@ mod tests {
         let closes = |time: f64| 0.5 + 0.1 / 0.6 * (2.0 * std::f64::consts::PI * time).cos();
         let (back, withheld) = run(&gripper(true), closes, spring);
         assert_eq!(withheld, 0.0, "{back} J");
+    }
+
+    #[test]
+    fn a_steady_rate_is_found_whatever_the_time_between_the_ticks() {
+        for periods in [[1.0, 1.0], [3.0, 3.0], [0.5, 4.0]] {
+            let (gripper, mut state) = (gripper(true), GripperState::default());
+            let mut time = 0.0;
+            for k in 0..100 {
+                gripper.read(&mut state, 0.1 + time);
+                gripper.observe(&mut state, TICK * periods[k % 2]);
+                time += TICK * periods[(k + 1) % 2];
+            }
+            // 0.6 rad/s after ten time constants at the least.
+            assert!((state.rate - 0.6).abs() < 1e-4, "{periods:?}: {} rad/s", state.rate);
+        }
     }
 }

@@ -8,6 +8,7 @@
 
 pub mod body_contact;
 pub mod coupling;
+mod damper;
 pub mod device;
 pub mod error;
 pub mod exchange;

@@ -202,10 +202,11 @@ impl Limits {
         let (mut force, force_cut) = cut_norm(target.force, self.max_force);
         let (mut torque, torque_cut) = cut_norm(target.torque, self.max_torque);
         let power = force.dot(&velocity.linear) + torque.dot(&velocity.angular);
-        // False for a velocity that is not finite.
-        if power.is_finite() && power > self.max_power {
+        // A power that is no number, of a velocity that is none, is more than any limit allows.
+        if self.max_power.is_finite() && (power.is_nan() || power > self.max_power) {
             flags.set(TickFlags::POWER_LIMITED);
-            (force, torque) = (force * (self.max_power / power), torque * (self.max_power / power));
+            let share = if power.is_finite() { self.max_power / power } else { 0.0 };
+            (force, torque) = (force * share, torque * share);
         }
         let (force_step, force_slewed) = cut_norm(force - state.sent.force, self.config.force_slew * dt);
         let (torque_step, torque_slewed) = cut_norm(torque - state.sent.torque, self.config.torque_slew * dt);

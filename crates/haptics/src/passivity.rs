@@ -13,15 +13,21 @@
 //!
 //! # Controller
 //! With the account, the motion v, ω that goes on, and the wrenches that are on their way, the account at the end of the
-//! tick is predicted; what it lacks is taken from the wrench along the motion [Hannaford and Ryu, IEEE TRA 18 (2002) 1]:
+//! next T is predicted, and what it lacks is taken along the motion by a damper [Hannaford and Ryu, IEEE TRA 18 (2002) 1]:
 //! ```text
 //! D = T (f + f_on_the_way) · v + T (τ + …) · ω − E − allowance         J, acts where D > 0
-//! f ← f − s (max(f · v, 0)/|v|² + B) v ,   τ likewise
+//! f ← f − s α v ,  α = min(max(f · v, 0)/|v|² + B, b)                  N s/m;  τ likewise, with b r²
+//! b = m / (2 ((n + ½) T + t_v))                                        m of the device, n its ticks of delay
 //! s = min(1, D / what s = 1 takes)
 //! ```
-//! So it first withholds what pushes the hand on, and dissipates by a damping of at most B beyond that: the force never
-//! grows by more than B |v|, however small v is and however large D. Below `least_speed` it does nothing, up to twice
-//! that it comes in linearly: the encoder's noise is not amplified. It acts in contact only: a free hand is not held.
+//! T is the measured time since the tick before, and the period at least. The damper withholds what pushes the hand on and
+//! dissipates by B beyond that, but by no more than b. One that took the whole push from a slow hand, f/|v|, would be a switch, and
+//! behind the delay, the low-pass on v (t_v = 1.6 ms) and the slew limit a switch feeds the swing that it is to end. A damper on a
+//! mass m behind a delay t is stable up to π m / (2 t); b is a third of that. So an account may stay overdrawn where more power goes
+//! out than b takes, and is paid back while the hand moves: the controller never gives the hand more than there was without it,
+//! and withholds what a device of that mass bears. Where the mass is unknown, b is the largest damping of the device's record.
+//! The force never grows by more than B |v|. Below `least_speed` it does nothing, up to twice that it comes in linearly:
+//! the encoder's noise is not amplified. It acts in contact only: a free hand is not held.
 //!
 //! # Reset
 //! Without contact for `reset_after` the account is closed at 0. An account that never closed would let a long slide
@@ -34,6 +40,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::SetupError;
 use crate::coupling::UNKNOWN_DELAY;
+use crate::damper::{Bearable, GYRATION, Motion};
 use crate::device::DeviceSpec;
 use crate::device::virtual_device::MAX_DELAY;
 use crate::error::{non_negative, positive};
@@ -50,7 +57,8 @@ pub struct PassivityConfig {
     pub allowance: f64,
     /// Most energy that the account holds, either way \[J\], > 0 (0.3: what tissue of 250 N/m stores under 12 N).
     pub memory: f64,
-    /// Largest damping B \[N s/m\], ≥ 0; `None`: half of what the device renders, and at most 5.
+    /// Largest damping B beyond what pushes the hand \[N s/m\], ≥ 0; `None`: half of what the device renders, and at most 5.
+    /// Never more than the device's mass bears.
     pub damping: Option<f64>,
     /// Largest damping of the rotation \[N m s/rad\], ≥ 0 (0.01). Without torque motors it does nothing.
     pub rotational_damping: f64,
@@ -86,6 +94,9 @@ pub struct Passivity {
     config: PassivityConfig,
     damping: f64,
     rotational_damping: f64,
+    bearable: Bearable,
+    /// Of b, along x, y, z and about them \[-, m²\].
+    bearable_by: [f64; 2],
     delay: usize,
     period: f64,
 }
@@ -127,27 +138,6 @@ impl PassivityState {
     }
 }
 
-/// A motion with the part of it that is above the least speed, 0 to 1.
-#[derive(Clone, Copy)]
-struct Motion {
-    v: Vector3<f64>,
-    square: f64,
-    share: f64,
-}
-
-impl Motion {
-    fn new(v: Vector3<f64>, least: f64) -> Self {
-        let square = v.norm_squared();
-        let share = if square.is_finite() { (square.sqrt() / least - 1.0).clamp(0.0, 1.0) } else { 0.0 };
-        if share > 0.0 { Self { v, square, share } } else { Self { v: Vector3::zeros(), square: 1.0, share: 0.0 } }
-    }
-
-    /// The damping that takes the push of `f` and dissipates by `b` besides.
-    fn most(&self, f: &Vector3<f64>, b: f64) -> f64 {
-        self.share * (f.dot(&self.v).max(0.0) / self.square + b)
-    }
-}
-
 impl Passivity {
     /// The layer at ticks of `period` \[s\].
     ///
@@ -167,6 +157,8 @@ impl Passivity {
             config: *config,
             damping: config.damping.unwrap_or(default),
             rotational_damping: if spec.max_torque > 0.0 { config.rotational_damping } else { 0.0 },
+            bearable: Bearable::of(spec),
+            bearable_by: [1.0, GYRATION * GYRATION],
             delay: spec.delay_ticks.unwrap_or(UNKNOWN_DELAY).min(MAX_DELAY),
             period,
         })
@@ -176,7 +168,7 @@ impl Passivity {
     /// in N m s/rad is what it may dissipate by.
     pub(crate) fn of_one_angle(&self, damping: f64) -> Self {
         let config = PassivityConfig { least_speed: self.config.least_turn, ..self.config };
-        Self { config, damping, rotational_damping: 0.0, ..*self }
+        Self { config, damping, rotational_damping: 0.0, bearable_by: [GYRATION * GYRATION, 0.0], ..*self }
     }
 
     /// Books what went through the port since the tick before. `pose` is finite.
@@ -196,12 +188,22 @@ impl Passivity {
         energy.account = (energy.account + translation + rotation).clamp(-self.config.memory, self.config.memory);
     }
 
-    /// The wrench \[N, N m\] that is left of `wanted` where the hand moves like this; sets the flag where it is another.
-    /// Never larger than `wanted` by more than the damping's bound; equal to it where no number is wrong with the account.
-    pub fn act(&self, state: &PassivityState, wanted: &Wrench, velocity: &Twist, flags: &mut TickFlags) -> Wrench {
+    /// The wrench \[N, N m\] that is left of `wanted` where the hand moves like this, `dt` \[s\] after the tick before; sets the
+    /// flag where it is another. Never larger than `wanted` by more than the damping's bound; equal to it where no number is
+    /// wrong with the account.
+    pub fn act(
+        &self,
+        state: &PassivityState,
+        wanted: &Wrench,
+        velocity: &Twist,
+        dt: f64,
+        flags: &mut TickFlags,
+    ) -> Wrench {
         if !self.config.control || *wanted == Wrench::zero() {
             return *wanted;
         }
+        // A tick that comes early says nothing of the next; one that is late, that the next may be.
+        let dt = dt.max(self.period);
         let linear = Motion::new(velocity.linear, self.config.least_speed);
         let angular = Motion::new(velocity.angular, self.config.least_turn);
         let on_the_way = state
@@ -209,24 +211,25 @@ impl Passivity {
             .iter()
             .take(self.delay)
             .fold(*wanted, |sum, w| Wrench { force: sum.force + w.force, torque: sum.torque + w.torque });
-        let given_out = self.period * (on_the_way.force.dot(&linear.v) + on_the_way.torque.dot(&angular.v));
+        let given_out = dt * (on_the_way.force.dot(&linear.v) + on_the_way.torque.dot(&angular.v));
         let lacking = given_out - state.energy.account - self.config.allowance;
         if lacking.is_nan() || lacking <= 0.0 {
             return *wanted;
         }
-        let most = [
-            linear.most(&wanted.force, self.damping),
+        let bearable = self.bearable_by.map(|share| share * self.bearable.damping(self.delay, dt));
+        let damping = [
+            linear.damping(&wanted.force, self.damping, bearable[0]),
             // Without motors there is no torque to withhold either.
-            angular.most(&wanted.torque, self.rotational_damping),
+            angular.damping(&wanted.torque, self.rotational_damping, bearable[1]),
         ];
-        let taken = self.period * (most[0] * linear.square + most[1] * angular.square);
+        let taken = dt * (damping[0] * linear.square + damping[1] * angular.square);
         if taken.is_nan() || taken <= 0.0 {
             return *wanted;
         }
         let s = (lacking / taken).min(1.0);
         let left = Wrench {
-            force: wanted.force - linear.v * (s * most[0]),
-            torque: wanted.torque - angular.v * (s * most[1]),
+            force: wanted.force - linear.v * (s * damping[0]),
+            torque: wanted.torque - angular.v * (s * damping[1]),
         };
         if !left.is_finite() {
             return *wanted;

@@ -38,7 +38,7 @@ impl TickFlags {
     pub const NOT_CONVERGED: Self = Self(1 << 11);
     /// The snapshot holds more than the workspace: its last contacts were left out.
     pub const TRUNCATED: Self = Self(1 << 12);
-    /// The device's pose was not finite, not a rotation, or beyond all bounds: no force.
+    /// The device's pose, velocity or gripper was not finite, not a rotation, or beyond all bounds: no force.
     pub const BAD_POSE: Self = Self(1 << 13);
     /// The contacts are those of this tick on the snapshot's patch; without it, the snapshot's frozen rows.
     pub const LOCAL: Self = Self(1 << 14);

@@ -80,7 +80,7 @@ impl Tick {
         let Some(faded) = self.limits.fade(&mut state.limits, target, state.age, dt, flags) else {
             return Wrench::zero();
         };
-        let passive = self.passivity.act(&state.passivity, &faded, &state.device_velocity, flags);
+        let passive = self.passivity.act(&state.passivity, &faded, &state.device_velocity, dt, flags);
         self.limits.bound(&mut state.limits, &passive, &state.device_velocity, dt, flags)
     }
 

@@ -4,7 +4,7 @@ use nalgebra::Isometry3;
 use palpate_collision::ToolPose;
 use palpate_collision::tool::Hinge;
 
-use super::{Tick, TickState, is_pose};
+use super::{Tick, TickState, is_pose, is_velocity};
 use crate::SetupError;
 use crate::device::DeviceSample;
 use crate::gripper::{GripConfig, Gripper, GripperRecord};
@@ -57,7 +57,7 @@ impl Tick {
     }
 }
 
-/// Whether pose and gripper of a sample can be ones.
+/// Whether pose, velocity and gripper of a sample can be ones.
 pub(super) fn is_sound(sample: &DeviceSample) -> bool {
-    is_pose(&sample.pose) && sample.gripper.is_finite()
+    is_pose(&sample.pose) && is_velocity(&sample.velocity) && sample.gripper.is_finite()
 }

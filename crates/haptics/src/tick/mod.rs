@@ -25,7 +25,7 @@ mod patch;
 mod state;
 mod warm_start;
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 use palpate_solver::gauss_seidel::GaussSeidelConfig;
 
 use crate::SetupError;
@@ -50,6 +50,9 @@ use patch::PatchMemory;
 
 /// Largest coordinate that a device pose may have \[m\]; beyond it the pose is an error of the driver.
 pub const MAX_COORDINATE: f64 = 1e3;
+
+/// Largest velocity that a device may tell \[m/s, rad/s\]; beyond it the sample is an error of the driver.
+pub const MAX_VELOCITY: f64 = 1e6;
 
 /// The tick of one tool: description.
 #[derive(Clone, Debug, PartialEq)]
@@ -154,7 +157,7 @@ impl Tick {
             state.cut();
             (Wrench::zero(), Local::EMPTY)
         } else {
-            self.observe(state, sample);
+            self.observe(state, sample, aged);
             if snapshot.valid {
                 self.touch(state, snapshot, sample, dt, ws, &mut flags)
             } else {
@@ -194,15 +197,15 @@ impl Tick {
         TickRecord { device_error: Some(error), gripper, ..record }
     }
 
-    /// Takes a sound sample, and books what went through the port until now.
-    fn observe(&self, state: &mut TickState, sample: &DeviceSample) {
+    /// Takes a sound sample, `dt` \[s\] after the tick before, and books what went through the port until now.
+    fn observe(&self, state: &mut TickState, sample: &DeviceSample, dt: f64) {
         self.read(state, sample);
         if state.jump.watch(&self.limits, &sample.pose.translation.vector) {
             state.passivity.cut();
         }
         self.passivity.observe(&mut state.passivity, &sample.pose);
         if let Some(gripper) = &self.gripper {
-            gripper.observe(&mut state.gripper);
+            gripper.observe(&mut state.gripper, dt);
         }
     }
 }
@@ -212,6 +215,12 @@ fn is_pose(pose: &Isometry3<f64>) -> bool {
     let position = &pose.translation.vector;
     let unit = (pose.rotation.coords.norm_squared() - 1.0).abs() < 1e-3;
     all_finite(position) && position.amax() <= MAX_COORDINATE && unit
+}
+
+/// Whether a velocity can be one: finite and within [`MAX_VELOCITY`]. The limit of power and the port's energy rest on it.
+fn is_velocity(velocity: &Twist) -> bool {
+    let within = |v: &Vector3<f64>| all_finite(v) && v.amax() <= MAX_VELOCITY;
+    within(&velocity.linear) && within(&velocity.angular)
 }
 
 fn record(
