@@ -3,9 +3,9 @@
 //!
 //! `cargo bench --bench organ_size [-- NODES... tolerance=T]`: about as many nodes, without 1,000 to 9,400, and the relative
 //! residual of the free motion and the correction; `sampling=S`: the share of a step for comparing a column of the compliance.
-//! The factor is made as the factor thread makes it: of the matrix of a step, ten times a second or as often as it can be, and
-//! handed over to a later one after the time that the plan predicts for it; the thread itself, which shares cores and memory
-//! with the step, is not there. On one core times are those of the processor, which other work on the machine disturbs least;
+//! The factor is of the matrix of a step, ten times a second or as often as it can be made, and serves from the first step
+//! after the time that the plan predicts for it; the thread that would make it, which shares cores and memory with the step,
+//! is not there. On one core times are those of the processor, which other work on the machine disturbs least;
 //! on two they are those of the clock, and want a quiet machine.
 
 #![allow(clippy::print_stdout)]
@@ -16,8 +16,6 @@ use cpu_time::ThreadTime;
 use nalgebra::{Isometry3, Translation3, Vector3};
 use palpate::constraints::compliance::ComplianceMethod;
 use palpate::haptics::script::HandScript;
-use palpate::refresh::FactorSample;
-use palpate::refresh_watch::RefreshWatch;
 use palpate::simulation::Simulation;
 use palpate::step::{StepReport, StepTimes};
 use palpate::world::World;
@@ -34,8 +32,8 @@ const CELL: f64 = 0.0155;
 /// The parts of the scene that are played (s): pressing, and the first of sliding.
 const PARTS: [(f64, f64); 2] = [(1.2, 2.5), (3.5, 4.5)];
 
-/// Time (s) between two factors, where one does not take longer.
-const REFRESH_EVERY: f64 = 0.1;
+/// Steps between two factors, where one does not take longer: 10 Hz beside steps of 30 Hz.
+const REFRESH_EVERY: u64 = 3;
 
 /// Threads of the step: as many as cores.
 const CORES: usize = 2;
@@ -62,62 +60,24 @@ fn play(world: &World, steps: usize, threads: usize) -> Vec<(StepReport, f64)> {
 }
 
 fn play_here(world: &World, steps: usize, by_processor: bool) -> Vec<(StepReport, f64)> {
-    let mut simulation = Simulation::new(world).expect("the liver has a factor").refresh_every(0);
-    let mut thread = FactorThread::new(world);
+    let mut simulation = Simulation::new(world)
+        .expect("the liver has a factor")
+        .refresh_every(REFRESH_EVERY)
+        .refresh_early()
+        .refresh_takes(world.plan().factorization);
     let poses = poses(world);
     poses
         .iter()
         .take(steps)
         .map(|pose| {
-            thread.hand_over(&mut simulation);
             let (clock, processor) = (Instant::now(), ThreadTime::now());
             let report = simulation.step_alone(pose);
             let elapsed = if by_processor { processor.elapsed() } else { clock.elapsed() };
             let time = 1e3 * elapsed.as_secs_f64();
-            if world.plan().has_factor_thread() {
-                thread.take(&simulation, &report);
-            }
+            simulation.refresh_if_due(&report);
             (report, time)
         })
         .collect()
-}
-
-/// The factor thread in virtual time: what it begins is ready when its predicted time has passed.
-struct FactorThread {
-    watch: RefreshWatch,
-    takes: f64,
-    /// When the next matrix is asked for (s).
-    next: f64,
-    /// A factor, and when it is ready (s).
-    at_work: Option<(f64, FactorSample)>,
-}
-
-impl FactorThread {
-    fn new(world: &World) -> Self {
-        let plan = world.plan();
-        Self { watch: RefreshWatch::new(plan), takes: plan.factorization, next: 0.0, at_work: None }
-    }
-
-    /// Hands a factor over that is ready before the next step begins.
-    fn hand_over(&mut self, simulation: &mut Simulation<'_>) {
-        let time = simulation.state().step as f64 * simulation.world().dt();
-        if let Some((_, factor)) = self.at_work.take_if(|(ready, _)| *ready <= time) {
-            simulation.use_factor(factor);
-        }
-    }
-
-    /// Takes the matrix of the step that was just done, where it is its turn or the step asks for it.
-    fn take(&mut self, simulation: &Simulation<'_>, report: &StepReport) {
-        let urged = self.watch.is_too_old(report);
-        if self.at_work.is_some() || report.time < self.next && !urged {
-            return;
-        }
-        let (system, q) = (&simulation.workspace().fem.system, simulation.state().before());
-        let (symbolic, epoch) = (simulation.world().symbolic(), simulation.factor().epoch + 1);
-        let factor = FactorSample::new(symbolic, epoch, report.step, report.time, q, system);
-        self.at_work = factor.ok().map(|factor| (report.time + self.takes, factor));
-        self.next = report.time + REFRESH_EVERY;
-    }
 }
 
 /// What the command line asks for.
@@ -226,7 +186,7 @@ fn main() {
     };
     println!(
         "The factor thread is modelled by its latency alone: a factor serves from the first step after its predicted time, and the \
-         next is begun 0.1 s after the one before, or when that is done."
+         next is begun every third step, or when that is done."
     );
     println!(
         "one core (cpu ms)      | {CORES} cores (ms)     | medians of their stages (ms)                                   | iterations       | rows | force error % | factor predicted, age of it (ms)"

@@ -2,10 +2,9 @@
 
 use nalgebra::Vector3;
 use palpate_collision::ToolPose;
-use palpate_fem::factor::{Factor, FactorStatus};
+use palpate_fem::factor::FactorStatus;
 use palpate_fem::integrator::equilibrium::EquilibriumReport;
 use palpate_haptics::snapshot::HapticSnapshot;
-use std::sync::Arc;
 
 use crate::changes::ChangeQueue;
 use crate::refresh::FactorSample;
@@ -23,7 +22,11 @@ pub struct Simulation<'w> {
     state: StepState,
     ws: StepWorkspace,
     pub(crate) factor: FactorSample,
-    spare: Factor,
+    /// The memory of the next factor, or that factor where it is not ready yet.
+    spare: FactorSample,
+    /// When the factor in `spare` is ready (s).
+    ready: Option<f64>,
+    refresh_takes: f64,
     snapshot: HapticSnapshot,
     refresh_every: u64,
     settled: Option<EquilibriumReport>,
@@ -48,8 +51,10 @@ impl<'w> Simulation<'w> {
             world,
             state: StepState::new(world, rest),
             ws,
+            spare: factor.clone(),
             factor,
-            spare: Factor::with_packed_copy(Arc::clone(world.symbolic())),
+            ready: None,
+            refresh_takes: 0.0,
             snapshot: world.empty_snapshot(),
             refresh_every: 1,
             settled: settled.copied(),
@@ -78,6 +83,14 @@ impl<'w> Simulation<'w> {
         self
     }
 
+    /// Hands a new factor over only when `seconds` have passed since the step whose matrix it factors, as a factor thread
+    /// that takes so long does, and begins no other before; 0, at once, by default.
+    #[must_use]
+    pub fn refresh_takes(mut self, seconds: f64) -> Self {
+        self.refresh_takes = seconds.max(0.0);
+        self
+    }
+
     /// One step with the tool at `tool`, and the refresh that is due after it.
     pub fn step(&mut self, tool: &(impl Into<ToolPose> + Clone)) -> StepReport {
         let report = self.step_alone(tool);
@@ -88,6 +101,7 @@ impl<'w> Simulation<'w> {
     /// One step without the refresh after it: [`Self::refresh_if_due`] does that, and is to be called before the next.
     pub fn step_alone(&mut self, tool: &(impl Into<ToolPose> + Clone)) -> StepReport {
         let time = self.state.step as f64 * self.world.dt();
+        self.take_over(time);
         pass_events(self.world, time, &mut self.factor, &mut self.state, &mut self.ws);
         let input = StepInput { time, tool: tool.clone().into(), factor: &self.factor };
         step(self.world, &input, &mut self.state, &mut self.ws, &mut self.snapshot)
@@ -118,18 +132,26 @@ impl<'w> Simulation<'w> {
 
     /// Factors the matrix of the step that was just done; the old factor stays where that fails.
     fn refresh(&mut self, report: &StepReport) {
-        if self.spare.refactor(&self.ws.fem.system).status != FactorStatus::Ok {
+        if self.ready.is_some() || self.spare.factor.refactor(&self.ws.fem.system).status != FactorStatus::Ok {
             return;
         }
-        std::mem::swap(&mut self.spare, &mut self.factor.factor);
-        self.factor.epoch += 1;
-        (self.factor.step, self.factor.time) = (report.step, report.time);
-        self.factor.q.copy_from_slice(self.state.before());
+        self.spare.epoch = self.factor.epoch + 1;
+        (self.spare.step, self.spare.time) = (report.step, report.time);
+        self.spare.q.copy_from_slice(self.state.before());
         if self.world.changes_ever() {
-            self.factor.remember(&self.state.state_before().memory);
+            self.spare.remember(&self.state.state_before().memory);
         }
         self.ws.latest_nodes(&mut self.nodes);
-        self.factor.prepare(&self.nodes);
+        self.spare.prepare(&self.nodes);
+        self.ready = Some(report.time + self.refresh_takes);
+        self.take_over(report.time);
+    }
+
+    /// Puts a factor that is ready in the place of the latest.
+    fn take_over(&mut self, time: f64) {
+        if self.ready.take_if(|ready| *ready <= time).is_some() {
+            std::mem::swap(&mut self.spare, &mut self.factor);
+        }
     }
 
     /// The world that it simulates: after events, that of the body that they left.
