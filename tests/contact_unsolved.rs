@@ -61,7 +61,7 @@ fn forces_of_a_penalty_that_the_motion_does_not_balance_are_left_out() {
     let largest = sound.iter().map(|r| r.force.norm()).fold(0.0, f64::max);
     assert!(sound.iter().all(|r| r.solve.is_solved()) && largest > 0.1, "{largest} N");
 
-    let (summary, steps) = run(&world(1e12, 1));
+    let (summary, steps) = run(&world(1e11, 1));
     let first = steps.iter().find(|r| !r.solve.is_solved()).expect("one iteration does not do");
     println!("{:?}, overlap {:.1e} m, {:?}", first.solve, first.error.overlap, note(&summary));
     assert_eq!(first.solve.status, SolveStatus::MaxIterations);
@@ -70,8 +70,8 @@ fn forces_of_a_penalty_that_the_motion_does_not_balance_are_left_out() {
     assert!(note(&summary).expect("a note").contains("lower the stiffness"), "{:?}", summary.notes);
 
     // As stiff as a scene may ask for: what is handed out stays in the range of the sound answer.
-    let (summary, steps) = run(&world(1e12, 2000));
+    let (summary, steps) = run(&world(1e11, 2000));
     let worst = steps.iter().map(|r| r.force.norm()).fold(0.0, f64::max);
-    println!("1e12 N/m: {} unsolved, up to {worst:.3} N of {largest:.3} N", summary.contact_unsolved);
+    println!("1e11 N/m: {} unsolved, up to {worst:.3} N of {largest:.3} N", summary.contact_unsolved);
     assert!(worst < 1.5 * largest, "{worst} N");
 }

@@ -105,7 +105,7 @@ fn solve_aside(
             for solver in &solvers {
                 let runs = run_all_from(problem, start, std::slice::from_ref(solver), time_limit, samples);
                 // Nobody listens any more after Ctrl-C.
-                if runs.into_iter().try_for_each(|run| sender.send(run)).is_err() {
+                if !runs.into_iter().all(|run| sender.send(run).is_ok()) {
                     return;
                 }
             }

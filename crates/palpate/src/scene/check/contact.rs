@@ -11,9 +11,9 @@ use super::super::parse::Source;
 use super::Checked;
 use super::number::{at_least_one, not_negative, positive};
 
-/// Largest stiffness (N/m) of a penalty. A gap of millimetres is known to 1e-18 m, so that the force of a spring ten times
-/// as stiff is off by tens of newtons where the motion is right to the last bit.
-const STIFFEST: f64 = 1e12;
+/// Largest stiffness (N/m) of a penalty. The rounding of a gap times a stiffness ten times as large is a force that the motion of
+/// soft tissue does not balance in every step, at a hundred times it is of tens of newtons.
+const STIFFEST: f64 = 1e11;
 
 /// The same as a multiple of the body's own stiffness at a contact, some tens to thousands of N/m.
 const MOST_TIMES: f64 = 1e9;
