@@ -151,7 +151,7 @@
 #define PALPATE_TICK_TRUNCATED (1u << 12)
 
 /*
- The input's pose was not finite, not a rotation, or beyond 1 km: no force.
+ The input's pose, velocity or gripper was not finite, not a rotation, or beyond 1 km or 1e6 m/s: no force.
  */
 #define PALPATE_TICK_BAD_POSE (1u << 13)
 
@@ -237,7 +237,7 @@ enum palpate_status
      */
     PALPATE_STATUS_ERROR_BUSY = -7,
     /*
-     The pose of the input is not finite, not a rotation, or beyond 1 km. No force.
+     The pose, velocity or gripper of the input is not finite, not a rotation, or beyond 1 km or 1e6 m/s. No force.
      */
     PALPATE_STATUS_ERROR_INPUT = -8,
     /*

@@ -33,7 +33,7 @@ pub const PALPATE_TICK_GAP: u32 = 1 << 10;
 pub const PALPATE_TICK_NOT_CONVERGED: u32 = 1 << 11;
 /// Contacts were left out because there was no room for them.
 pub const PALPATE_TICK_TRUNCATED: u32 = 1 << 12;
-/// The input's pose was not finite, not a rotation, or beyond 1 km: no force.
+/// The input's pose, velocity or gripper was not finite, not a rotation, or beyond 1 km or 1e6 m/s: no force.
 pub const PALPATE_TICK_BAD_POSE: u32 = 1 << 13;
 /// The tool has moved so far since the tissue's latest step that skin which the tick does not know could touch it unseen.
 pub const PALPATE_TICK_BEYOND_PATCH: u32 = 1 << 15;

@@ -28,7 +28,7 @@ pub enum Status {
     ErrorPhase = -6,
     /// Another thread is inside palpate_tick with the same port. No force.
     ErrorBusy = -7,
-    /// The pose of the input is not finite, not a rotation, or beyond 1 km. No force.
+    /// The pose, velocity or gripper of the input is not finite, not a rotation, or beyond 1 km or 1e6 m/s. No force.
     ErrorInput = -8,
     /// A mistake inside the library. The port answers no force from then on.
     ErrorInternal = -9,
@@ -48,7 +48,9 @@ impl Status {
             Self::ErrorSetUp => c"the scene cannot be set up",
             Self::ErrorPhase => c"not allowed in the present phase of the simulation",
             Self::ErrorBusy => c"another thread is inside palpate_tick with this port",
-            Self::ErrorInput => c"the pose of the input is not finite, not a rotation, or beyond 1 km",
+            Self::ErrorInput => {
+                c"the pose, velocity or gripper of the input is not finite, not a rotation, or beyond 1 km or 1e6 m/s"
+            }
             Self::ErrorInternal => c"a mistake inside the library; please report it",
         }
     }

@@ -64,6 +64,30 @@ fn a_pose_that_is_no_pose_ends_the_force_at_once_and_its_return_is_a_ramp() {
 }
 
 #[test]
+fn a_velocity_or_a_gripper_that_is_no_number_ends_the_force_at_once_where_it_is_said_to_be_measured() {
+    let rig = Rig::started(&options());
+    let nan = f64::NAN;
+    let bad = [
+        (PALPATE_INPUT_VELOCITY, Input { velocity: [nan, 0.0, 0.0], ..input(0, [0.0; 3]) }),
+        (PALPATE_INPUT_VELOCITY, Input { angular_velocity: [0.0, f64::INFINITY, 0.0], ..input(0, [0.0; 3]) }),
+        (PALPATE_INPUT_VELOCITY, Input { velocity: [0.0, 0.0, 1e300], ..input(0, [0.0; 3]) }),
+        (PALPATE_INPUT_GRIPPER, Input { gripper: nan, ..input(0, [0.0; 3]) }),
+    ];
+    for (fields, given) in bad {
+        let pressed = rig.press(0.004);
+        let here = input(0, [0.0, 0.0, -rig::TOUCH - 0.004]);
+        let given = Input { position: here.position, orientation: here.orientation, ..given };
+        assert!(norm(pressed.force) > 0.0);
+        let (status, output) = rig.tick(&Input { time_ns: rig.now(), fields, ..given });
+        assert_eq!(status, Status::ErrorInput, "{given:?}");
+        assert!(is_silent(&output) && output.flags & PALPATE_TICK_BAD_POSE != 0, "{output:?}");
+        // Of numbers that are not said to be measured nothing is taken.
+        let (status, _) = rig.tick(&Input { time_ns: rig.now(), fields: 0, ..given });
+        assert_ne!(status, Status::ErrorInput, "{given:?}");
+    }
+}
+
+#[test]
 fn no_input_no_port_no_output_and_small_structs_are_refused_without_force() {
     let rig = Rig::started(&options());
     rig.press(0.004);
