@@ -132,7 +132,7 @@ fn a_quick_chart_of_compliance_says_that_error_grows_with_age_and_the_exact_corr
     let place = Place::new();
     let run = place.run("chart compliance --quick --out charts");
     assert_eq!(run.code, Some(0), "{run:?}");
-    assert!(place.text("charts/compliance.svg").contains("precomputed, warped, exact correction"));
+    assert!(place.text("charts/compliance.svg").contains("precomputed, warped, exact"));
     let rows = table(&place, "charts/compliance.csv");
     // Three motions: the exact method, and with each of two corrections two sources of W at five ages and one at one.
     assert_eq!(rows.len(), 3 * (1 + 2 * (2 * 5 + 1)));

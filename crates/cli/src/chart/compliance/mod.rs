@@ -185,7 +185,7 @@ fn draw(title: &str, outcomes: &[(Option<Method>, Outcome)]) -> [Panel; 2] {
         for (method, outcome) in outcomes {
             let name = match method {
                 None => "exact: factored in the step".to_string(),
-                Some(m) => format!("{}, {} correction", m.source.name(), m.correction.name()),
+                Some(m) => format!("{}, {}", m.source.name(), m.correction.name()),
             };
             let point = (1e3 * outcome.time, (100.0 * error(outcome)).max(FLOOR));
             match series.iter_mut().find(|s| s.name == name) {
