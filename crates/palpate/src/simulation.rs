@@ -169,11 +169,6 @@ impl<'w> Simulation<'w> {
         &mut self.state
     }
 
-    /// Takes another factor in the place of the latest, for callers that make theirs elsewhere or later.
-    pub fn use_factor(&mut self, factor: FactorSample) {
-        self.factor = factor;
-    }
-
     /// Positions of all nodes (m).
     pub fn positions(&self) -> &[Vector3<f64>] {
         &self.state.fem.q

@@ -95,12 +95,7 @@ fn look(
     ws: &mut StepWorkspace,
     report: &mut StepReport,
 ) -> PcgReport {
-    let mut solve = exact_motion(world, factor, tolerance, ws);
-    report.error.corrected(&solve);
-    if factor_in_need(&solve, ws, report) {
-        solve = exact_motion(world, factor, tolerance, ws);
-        report.error.corrected(&solve);
-    }
+    let solve = exact_motion(world, factor, tolerance, ws, report);
     let misfit = misfit(ws);
     if misfit.opened > 0.0 {
         report.error.along_forces = misfit.along_forces();
@@ -109,13 +104,29 @@ fn look(
 }
 
 /// `A Δv = h Hᵀ λ` by conjugate gradients from what is in `ws.correction`, to a relative residual or to the scene's where
-/// that is greater.
-pub(super) fn exact_motion(world: &World, factor: &FactorSample, tolerance: f64, ws: &mut StepWorkspace) -> PcgReport {
-    let body = &world.description().bodies[0];
+/// that is greater; with the step's own factor where the iterations do not suffice and there is one to be made.
+pub(super) fn exact_motion(
+    world: &World,
+    factor: &FactorSample,
+    tolerance: f64,
+    ws: &mut StepWorkspace,
+    report: &mut StepReport,
+) -> PcgReport {
     ws.load.fill(0.0);
     ws.rows.tissue.add_transposed(&ws.lambda, &mut ws.load);
     ws.load.iter_mut().for_each(|b| *b *= ws.dt);
-    let config = bounds(body.tolerance.max(tolerance), ws);
+    let tolerance = world.description().bodies[0].tolerance.max(tolerance);
+    let mut solve = iterate(factor, tolerance, ws);
+    report.error.corrected(&solve);
+    if factor_in_need(&solve, ws, report) {
+        solve = iterate(factor, tolerance, ws);
+        report.error.corrected(&solve);
+    }
+    solve
+}
+
+fn iterate(factor: &FactorSample, tolerance: f64, ws: &mut StepWorkspace) -> PcgReport {
+    let config = bounds(tolerance, ws);
     let own = ws.own.as_ref().filter(|_| ws.own_is_current);
     let mut preconditioner = StepPreconditioner::new(own, factor, &ws.rotations, &mut ws.solve);
     let solve = pcg(&ws.fem.system, &ws.load, &mut ws.correction, &mut preconditioner, config, &mut ws.pcg);

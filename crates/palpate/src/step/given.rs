@@ -30,6 +30,7 @@ pub fn step_at(
 ) -> StepReport {
     let mut report = StepReport::begin(state.step, input, world.dt());
     ws.pcg.forget();
+    ws.iterations_left = world.description().bodies[0].max_iterations;
     state.remember();
     free_motion::free_motion(world, input.factor, state, ws, &mut report);
     rows(world, contacts, ws);

@@ -60,11 +60,11 @@ mod tests {
         let run = |prepares: bool| {
             let mut simulation = Simulation::new(&world).unwrap().refresh_every(3);
             assert!(simulation.factor.prepared.is_some());
-            if !prepares {
-                simulation.factor.prepared = None;
-            }
             let (mut wanted, mut solved, mut forces) = (0, 0, Vec::new());
             for k in 0..30 {
+                if !prepares {
+                    simulation.factor.prepared = None;
+                }
                 let begins = simulation.factor.prepared.as_ref().filter(|p| p.is_of(&simulation.factor.factor));
                 let ready = begins.map_or(0, |prepared| prepared.len());
                 let pose = Isometry3::translation(0.02 + 2e-4 * f64::from(k), 0.02, 0.052 - 1e-4 * f64::from(k));

@@ -75,8 +75,7 @@ pub(super) fn refine(
     compliance::guess(inverse, change, ws.dt, &mut ws.correction, &mut ws.compliance);
     ws.correction.iter_mut().zip(&ws.refinement.motion).for_each(|(motion, old)| *motion += old);
     ws.rigid.correct(&ws.rows, &ws.lambda[..m], ws.dt);
-    let exact = exact_motion(world, factor, 0.0, ws);
-    report.error.corrected(&exact);
+    let exact = exact_motion(world, factor, 0.0, ws, report);
     let after = misfit(ws);
 
     let better = after.missed < before.missed && exact.status == PcgStatus::Converged && solve.residual.is_finite();
