@@ -4,7 +4,7 @@
 //! on what the tick does: tissue that is pressed harder presses harder on its table, and a block that is set down meets it
 //! between two steps. So the tick has their contacts as the step left them, in coordinates of their own frames,
 //! ```text
-//! u = (gap, displacement along t, along s) = free + drift t/h + (C f) + J (tool pose − the step's)      m
+//! u = (gap, displacement along t, along s) = free + drift + flow + (C f) + J (tool pose − the step's)      m, a step later
 //! ```
 //! with C over the nodes of the skin and the u of all these contacts, and f their forces too. The normal of a contact, and its
 //! place on the tool, are those of the step's end; its gap is not.
@@ -37,8 +37,10 @@ pub struct BodyContact {
     pub gap: f64,
     /// u without the forces that the tick finds \[m\]; 0 along the tangents at the step's end.
     pub free: Vector3<f64>,
-    /// Motion of u without forces from the end of the step to that of the next \[m\].
+    /// Even part of the motion of u without forces from the end of the step to that of the next \[m\].
     pub drift: Vector3<f64>,
+    /// The rest of that motion, which is held back by viscosity \[m\].
+    pub flow: Vector3<f64>,
     /// Force of the step, in the frame \[N\].
     pub force: Vector3<f64>,
 }

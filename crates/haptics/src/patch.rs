@@ -1,11 +1,12 @@
 //! The tissue around the tool, as the step hands it to the tick: skin, shape and compliance, in memory of fixed size.
 //!
 //! ```text
-//! x = q_free + d t/h + C f           m, position of the nodes under nodal contact forces f (N), t ≤ h after the step
+//! x = q_free + d + e + C f           m, position of the nodes under nodal contact forces f (N), a step h after the step
 //! C = h² S A⁻¹ Sᵀ                    m/N, 3 × 3 blocks; S picks the patch's nodes; zero for nodes that are held fixed
 //! ```
-//! d, the drift, is how far the tissue would go without the tool until the next step, h later: a step ends in motion, and
-//! what moves already needs no force to be moved on.
+//! d + e is how far the tissue would go without the tool until the next step: a step ends in motion, and
+//! what moves already needs no force to be moved on. The drift d goes evenly with time, as mass does; the flow e and C f come as
+//! `viscosity` β lets them (s; D = βK), in a step of backward Euler as much as that has: the tick knows them at other times too.
 //!
 //! `force` is f of the tool as the step found it. `q_free` is where that leaves the nodes: the step's end less C f, so that the patch is
 //! tangent to the step's own answer, whatever method and however old a factor gave C.
@@ -36,8 +37,11 @@ pub struct HapticPatch {
     skin: SkinPatch,
     q_free: Vec<Vector3<f64>>,
     q_end: Vec<Vector3<f64>>,
-    /// d \[m\].
+    /// β \[s\], ≥ 0: the damping is β times the stiffness. 0 lets the tissue follow forces at once.
+    pub viscosity: f64,
+    /// d, e \[m\].
     drift: Vec<Vector3<f64>>,
+    flow: Vec<Vector3<f64>>,
     force: Vec<Vector3<f64>>,
     compliance: Vec<f64>,
 }
@@ -60,7 +64,9 @@ impl HapticPatch {
             skin: SkinPatch::new(max_nodes),
             q_free: vec![Vector3::zeros(); max_nodes],
             q_end: vec![Vector3::zeros(); max_nodes],
+            viscosity: 0.0,
             drift: vec![Vector3::zeros(); max_nodes],
+            flow: vec![Vector3::zeros(); max_nodes],
             force: vec![Vector3::zeros(); max_nodes],
             compliance: vec![0.0; size * size],
             bodies: BodyContacts::new(max_bodies),
@@ -78,7 +84,9 @@ impl HapticPatch {
         self.skin.clear();
         self.bodies.clear();
         (self.valid, self.law, self.left_out) = (false, Signorini.into(), 0);
+        self.viscosity = 0.0;
         self.drift.fill(Vector3::zeros());
+        self.flow.fill(Vector3::zeros());
     }
 
     /// Its triangles and nodes.
@@ -122,7 +130,7 @@ impl HapticPatch {
         &self.q_end[..self.len()]
     }
 
-    /// d: motion without contact from the end of the step to that of the next \[m\], one a node.
+    /// d: even part of the motion without contact from the end of the step to that of the next \[m\], one a node.
     #[must_use]
     pub fn drift(&self) -> &[Vector3<f64>] {
         &self.drift[..self.len()]
@@ -132,6 +140,18 @@ impl HapticPatch {
     pub fn drift_mut(&mut self) -> &mut [Vector3<f64>] {
         let nodes = self.len();
         &mut self.drift[..nodes]
+    }
+
+    /// e: the rest of that motion, which is held back by viscosity \[m\], one a node.
+    #[must_use]
+    pub fn flow(&self) -> &[Vector3<f64>] {
+        &self.flow[..self.len()]
+    }
+
+    /// The same, to be filled; zero after [`Self::clear`].
+    pub fn flow_mut(&mut self) -> &mut [Vector3<f64>] {
+        let nodes = self.len();
+        &mut self.flow[..nodes]
     }
 
     /// Nodal contact forces of the step \[N\], one a node.
@@ -229,7 +249,9 @@ impl HapticPatch {
         }
         (self.valid, self.law, self.left_out) = (other.valid, other.law, other.left_out);
         self.q_free_mut().copy_from_slice(other.q_free());
+        self.viscosity = other.viscosity;
         self.drift_mut().copy_from_slice(other.drift());
+        self.flow_mut().copy_from_slice(other.flow());
         self.force_mut().copy_from_slice(other.force());
         let nodes = self.len();
         self.q_end[..nodes].copy_from_slice(other.q_end());

@@ -29,6 +29,7 @@ fn wall(feature: u64, gap: f64, tool: Option<ToolPart>) -> BodyContact {
         gap,
         free,
         drift: Vector3::zeros(),
+        flow: Vector3::zeros(),
         force: Vector3::zeros(),
     }
 }

@@ -29,11 +29,11 @@ impl Tick {
         if outgoing.valid && state.step == Some(outgoing.step) && is_sound(sample) {
             self.read(state, sample);
             let poses = self.poses(state, sample);
-            let local = match (self.local(outgoing), &mut state.patch) {
+            let local = match (self.local(outgoing), &state.patch) {
                 (Some(problem), Some(memory)) => {
-                    // As the tick that this would have been; the new snapshot begins anew.
-                    memory.age(self.period);
-                    problem.solve(memory, &outgoing.patch, &poses, ws)
+                    // The tick that this one would have been.
+                    let now = memory.moment(problem.config.hand_over, 1.0);
+                    problem.solve(memory, &outgoing.patch, &poses, &now, ws)
                 }
                 _ => self.problem().solve(&mut state.warm_start, outgoing, &poses.predicted, ws),
             };
@@ -115,12 +115,14 @@ impl Tick {
                 // Forgotten between two snapshots, after a fault: it begins anew on this one.
                 if !memory.is_of(&snapshot.patch) {
                     memory.forget();
-                    memory.take_over(&snapshot.patch, &snapshot.tool(), (snapshot.dt, self.period));
+                    let times = (snapshot.dt, self.period, problem.config.hand_over);
+                    memory.take_over(&snapshot.patch, &snapshot.tool(), times);
                 }
                 flags.set(TickFlags::LOCAL);
                 let beyond = problem.is_beyond(&snapshot.patch, &snapshot.tool(), &poses.held);
                 flags.set_if(beyond, TickFlags::BEYOND_PATCH);
-                problem.solve(memory, &snapshot.patch, poses, ws)
+                let now = memory.moment(problem.config.hand_over, 0.0);
+                problem.solve(memory, &snapshot.patch, poses, &now, ws)
             }
             _ => self.problem().solve(&mut state.warm_start, snapshot, &poses.predicted, ws),
         }

@@ -27,10 +27,12 @@ impl Tick {
             state.age += dt;
         }
         if let Some(memory) = &mut state.patch {
-            match (self.patch.is_some() && snapshot.patch.valid, new) {
-                (true, true) => memory.take_over(&snapshot.patch, &snapshot.tool(), (snapshot.dt, dt)),
-                (true, false) => memory.age(dt),
-                (false, _) => memory.forget(),
+            match (self.patch.as_ref().filter(|_| snapshot.patch.valid), new) {
+                (Some(config), true) => {
+                    memory.take_over(&snapshot.patch, &snapshot.tool(), (snapshot.dt, dt, config.hand_over));
+                }
+                (Some(_), false) => memory.age(dt),
+                (None, _) => memory.forget(),
             }
         }
         new

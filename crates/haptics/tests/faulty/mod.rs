@@ -85,6 +85,7 @@ pub(crate) fn body(feature: u64, gap: f64) -> BodyContact {
         gap,
         free: Vector3::new(gap, 0.0, 0.0),
         drift: Vector3::zeros(),
+        flow: Vector3::zeros(),
         force: Vector3::zeros(),
     }
 }

@@ -263,6 +263,7 @@ fn contact(
         gap,
         free: Vector3::new(gap, 0.0, 0.0),
         drift: Vector3::zeros(),
+        flow: Vector3::zeros(),
         force: Vector3::zeros(),
     })
 }

@@ -5,9 +5,14 @@
 //! needs no assembly, by the matrix at hand:
 //! ```text
 //! q_free⁺ = q + h v + h A⁻¹ (M (v - v₋) - h f - h² K v)
-//! drift   = q_free⁺ - (q - h² A⁻¹ f) = h A⁻¹ ((M + h D) v + M (v - v₋))                                    m
-//!         = h (r v + A⁻¹ M ((1 - r)(1 + h α) v + v - v₋)),     r = β / (β + h),    A = (1 + h α) M + (h β + h²) K
+//! d + e   = q_free⁺ - (q - h² A⁻¹ f) = h A⁻¹ ((M + h D) v + M (v - v₋))                                    m
+//!         = r h v + (1 - r) d,     r = β / (β + h),    A = (1 + h α) M + (h β + h²) K
+//! d       = h A⁻¹ M ((1 + h α) v + (v - v₋) / (1 - r)),     e = r (h v - d)
 //! ```
+//! d is even motion, all of it where only mass counts. e is what viscosity lets go on, all of it where mass does not count: with
+//! [`creep`](palpate_haptics::tick) from `q` to `(1 + β/h) e` it begins with the velocity `v - d/h`, so that d and e begin with `v`,
+//! as the tissue does.
+//!
 //! Without it a tick that follows a steady hand meets tissue that has to be set in motion anew in every step: it feels
 //! `(M/h + D) v` too much at the step's end.
 //!
@@ -24,14 +29,15 @@ use super::{StepState, StepWorkspace};
 use crate::refresh::FactorSample;
 use crate::world::{Integration, World};
 
-/// The drift of the free nodes (m), three numbers each, by one solve with the factor at hand. `None` where there is no such
-/// matrix (explicit substeps) or a number is not finite.
+/// The drift d, or d + e of what does not creep, and the way h v of the free nodes (m), three numbers each, by one solve with the factor at hand. `None` where there
+/// is no such matrix (explicit substeps) or a number is not finite.
 pub(super) fn drift<'w>(
     world: &World,
     latest: &FactorSample,
     state: &StepState,
+    creeps: bool,
     ws: &'w mut StepWorkspace,
-) -> Option<&'w [f64]> {
+) -> Option<(&'w [f64], &'w [f64])> {
     let (model, h) = (world.model(), ws.dt);
     if matches!(world.integration(), Integration::Explicit { .. }) {
         return None;
@@ -42,22 +48,34 @@ pub(super) fn drift<'w>(
     if exact.is_none() && ws.newton.is_some() {
         return None;
     }
-    let r = model.rayleigh_stiffness() / (model.rayleigh_stiffness() + h);
-    let goes_on = (1.0 - r) * (1.0 + h * model.rayleigh_mass());
+    let r = held_back(world, h);
+    let even = (1.0 + h * model.rayleigh_mass()) * (1.0 - r);
     let velocities = |node: usize| Some((state.fem.v.get(node)?, state.before.v.get(node)?));
     for (b, &node) in ws.load.chunks_exact_mut(3).zip(model.node_of_free()) {
         let (v, before) = velocities(node as usize)?;
-        b.copy_from_slice(((v * goes_on + v - before) * model.mass()[node as usize]).as_slice());
+        b.copy_from_slice(((v * even + v - before) * model.mass()[node as usize]).as_slice());
     }
     let mut inverse = StepPreconditioner::new(exact, latest, &ws.rotations, &mut ws.solve);
     if inverse.apply(&ws.load, &mut ws.sample) != SolveStatus::Ok {
         return None;
     }
-    for ((d, &node), held) in ws.sample.chunks_exact_mut(3).zip(model.node_of_free()).zip(model.held()) {
+    let places = ws.sample.chunks_exact_mut(3).zip(ws.load.chunks_exact_mut(3));
+    for (((d, way), &node), held) in places.zip(model.node_of_free()).zip(model.held()) {
         let v = state.fem.v.get(node as usize)?;
-        (0..3).for_each(|c| d[c] = if *held { 0.0 } else { h * (r * v[c] + d[c]) });
+        way.copy_from_slice((v * h).as_slice());
+        let (of_way, of_even) = if creeps { (0.0, 1.0 / (1.0 - r)) } else { (r, 1.0) };
+        (0..3).for_each(|c| d[c] = if *held { 0.0 } else { h * (of_way * v[c] + of_even * d[c]) });
+        if *held {
+            way.fill(0.0);
+        }
     }
-    ws.sample.iter().all(|d| d.is_finite()).then_some(&ws.sample[..])
+    ws.sample.iter().chain(&ws.load).all(|d| d.is_finite()).then_some((&ws.sample[..], &ws.load[..]))
+}
+
+/// r: the part of a velocity that viscosity alone lets go on until the end of a step of `h` (s).
+pub(super) fn held_back(world: &World, h: f64) -> f64 {
+    let viscosity = world.model().rayleigh_stiffness();
+    viscosity / (viscosity + h)
 }
 
 /// The drift of nodes along rows (m), one number a row.
@@ -113,7 +131,8 @@ mod tests {
                     let patch = &snapshot.patch;
                     let nodes = patch.skin().nodes().iter().take(patch.skin().movable()).enumerate();
                     let goes = |(p, &node): (usize, &u32)| {
-                        (node as usize, patch.q_free()[p] + patch.drift()[p], patch.drift()[p].norm())
+                        let way = patch.drift()[p] + patch.flow()[p];
+                        (node as usize, patch.q_free()[p] + way, way.norm())
                     };
                     nodes.map(goes).collect()
                 };

@@ -35,8 +35,9 @@ pub(super) struct PatchStage {
     rows: ContactRows,
     /// Their compliance, where some are held.
     w: Vec<f64>,
-    /// Their motion without forces in a step (m).
+    /// Their drift, and their way at the velocity that they have, in a step (m).
     drift: Vec<f64>,
+    way: Vec<f64>,
     max_rows: usize,
 }
 
@@ -49,6 +50,7 @@ impl PatchStage {
             rows: ContactRows::with_capacity(max_rows.max(3 * places).div_ceil(3)),
             w: Vec::with_capacity(max_rows * max_rows),
             drift: Vec::with_capacity(max_rows.max(3 * places)),
+            way: Vec::with_capacity(max_rows.max(3 * places)),
             max_rows,
         }
     }
@@ -109,6 +111,14 @@ fn gather(
     report
 }
 
+/// Whether the tissue creeps under a force as springs with a damper do. Rigid bodies, and tissue that nothing holds, go by their
+/// mass: they follow forces at once, and their whole motion is even.
+fn creeps(world: &World) -> bool {
+    let model = world.model();
+    let is_held = model.free_of_node().contains(&FIXED) || model.held().contains(&true);
+    is_held && world.bodies().rigid.is_empty()
+}
+
 /// C of the patch, and its drift; false where there is no C.
 fn compliance(
     world: &World,
@@ -162,11 +172,19 @@ fn compliance(
     }
     let all = rows.len();
     stages::own_factor(world, ws, report);
+    // What is held between two steps is held against the whole motion.
+    let creeps = all == n && creeps(world);
     stage.drift.clear();
-    if let Some(drift) = drift::drift(world, input.factor, state, ws) {
+    stage.way.clear();
+    if let Some((drift, way)) = drift::drift(world, input.factor, state, creeps, ws) {
         drift::along(rows, drift, &mut stage.drift);
+        drift::along(rows, way, &mut stage.way);
+        patch.viscosity = if creeps { world.model().rayleigh_stiffness() } else { 0.0 };
     }
     stage.drift.resize(all, 0.0);
+    stage.way.resize(all, 0.0);
+    let r = drift::held_back(world, ws.dt);
+    let flows = if patch.viscosity > 0.0 { r } else { 0.0 };
     let usable = if all == n {
         stages::compliance_of(world, input.factor, rows, square(patch.compliance_mut(), n), ws).0.usable
     } else {
@@ -178,12 +196,21 @@ fn compliance(
         }
         held.is_some()
     };
-    let (of_bodies, of_nodes) = stage.drift[..n].split_at(3 * patch.bodies.yielding());
-    for (to, from) in patch.bodies.all_mut().iter_mut().zip(of_bodies.chunks_exact(3)) {
-        to.drift = Vector3::from_column_slice(from);
+    let motions = stage.drift[..n].chunks_exact(3).zip(stage.way[..n].chunks_exact(3)).map(|(d, way)| {
+        let (d, way) = (Vector3::from_column_slice(d), Vector3::from_column_slice(way));
+        (d, (way - d) * flows)
+    });
+    let yielding = patch.bodies.yielding();
+    for (to, motion) in patch.bodies.all_mut().iter_mut().zip(motions.clone().take(yielding)) {
+        (to.drift, to.flow) = motion;
     }
-    for (to, from) in patch.drift_mut().iter_mut().zip(of_nodes.chunks_exact(3)) {
-        *to = Vector3::from_column_slice(from);
+    for (k, (drift, flow)) in motions.skip(yielding).enumerate() {
+        if let Some(to) = patch.drift_mut().get_mut(k) {
+            *to = drift;
+        }
+        if let Some(to) = patch.flow_mut().get_mut(k) {
+            *to = flow;
+        }
     }
     usable
 }

@@ -1,10 +1,10 @@
 //! Contacts of fixed and rigid bodies in a tick: what is remembered of them, and their rows.
 //!
 //! ```text
-//! normal:   δ_free = gap_free + drift t/h + o s + J (X_predicted − X_step)                              m
-//! tangents: δ_free = (u_free + drift t/h + o s − u₋) + J (X_predicted − X₋) + slip + J (X' − X_step) led
+//! normal:   δ_free = gap(t) + J (X_predicted − X_step)                                                  m
+//! tangents: δ_free = (u(t) − u₋) + J (X_predicted − X₋) + slip + J (X' − X_step) led
 //! ```
-//! with o the offset of the hand-over, as nodes have it, u₋ and X₋ coordinates and tool at the end of the tick before, X' the
+//! with u(t) the coordinates without the forces of the tick, as nodes have them ([`super::creep`]), u₋ and X₋ coordinates and tool at the end of the tick before, X' the
 //! tool when the snapshot came. A wall stays where it is, so what is remembered of sticking at one begins anew at the end of
 //! each step, and only the tool's way since then is left to be led.
 
@@ -13,6 +13,7 @@ use palpate_collision::ToolPose;
 use palpate_solver::problem::Block;
 
 use super::ToolPoses;
+use super::creep::{Creep, Moment, Place};
 use super::known::STUCK;
 use super::memory::PatchMemory;
 use super::rows::{Row, Rows};
@@ -31,8 +32,7 @@ pub(super) struct BodyMemory {
     force: Vector3<f64>,
     /// What is left of a sticking contact's displacement \[m\].
     slip: Vector3<f64>,
-    /// o \[m\].
-    offset: Vector3<f64>,
+    creep: Creep,
     /// u at the end of the tick before, without the way of the tool, and the gap with it \[m\].
     end: Vector3<f64>,
     gap: f64,
@@ -52,7 +52,7 @@ impl BodyMemory {
                 frame,
                 force: frame * contact.force,
                 slip: ZERO,
-                offset: ZERO,
+                creep: Creep::REST,
                 end: ZERO,
                 gap: f64::INFINITY,
                 known: false,
@@ -70,23 +70,27 @@ impl BodyMemory {
         self.frame.tr_mul(&self.force)
     }
 
-    /// Begins on a snapshot in which the forces of the tick before move the contact by `moved`.
-    pub(super) fn begin(&mut self, contact: &BodyContact, moved: &Vector3<f64>, led: &[ToolPose; 2]) {
-        let unmoved = contact.free + moved;
+    /// Begins on a snapshot in which the forces of the tick before move the contact by `moved` = C f.
+    pub(super) fn begin(&mut self, contact: &BodyContact, now: &Moment, moved: &Vector3<f64>, led: &[ToolPose; 2]) {
+        let place = place_of(contact);
         let way = contact.approach(&led[0], &led[1]);
         // One that is new begins where the step has it: under other forces than the step's it would be anywhere.
         let gap = if self.known { self.gap - way.x } else { contact.gap };
-        self.offset = Vector3::new(gap, 0.0, 0.0) - unmoved;
-        // What was not finite is forgotten.
-        if !all_finite(&self.offset) {
-            (self.offset, self.slip, self.stuck) = (ZERO, ZERO, 0);
+        self.end = Vector3::new(gap, 0.0, 0.0);
+        self.creep.take_over(&place, now, &self.end, moved, true);
+        if !now.law.is_slow() {
+            self.end = self.creep.offset + (contact.free + moved);
         }
-        self.end = unmoved + self.offset;
+        // What was not finite is forgotten.
+        if !self.creep.is_finite() {
+            (self.slip, self.stuck) = (ZERO, 0);
+            self.end = self.creep.begin(&place, now, moved);
+        }
     }
 
-    /// Remembers what a tick found: `moved` by its forces, `way` of the tool since the step.
-    pub(super) fn keep(&mut self, contact: &BodyContact, moved: &Vector3<f64>, (fade, drifted): (f64, f64), way: f64) {
-        self.end = contact.free + contact.drift * drifted + self.offset * fade + moved;
+    /// Remembers what a tick found: `moved` = C f by its forces, `way` of the tool since the step.
+    pub(super) fn keep(&mut self, contact: &BodyContact, now: &Moment, moved: &Vector3<f64>, way: f64) {
+        self.end = self.creep.keep(&place_of(contact), now, moved);
         self.gap = self.end.x + way;
     }
 
@@ -101,20 +105,19 @@ impl Rows {
     pub(super) fn build_bodies(
         &mut self,
         memory: &PatchMemory,
-        hand_over: f64,
+        moment: &Moment,
         patch: &HapticPatch,
         poses: &ToolPoses,
     ) {
-        let (now, leads, drifted) = (memory.fade(hand_over), memory.faded(hand_over), memory.drifted());
         let (led, before) = (memory.led(), memory.tool().unwrap_or(&poses.held));
         let yielding = patch.bodies.yielding();
         for (k, (contact, known)) in patch.bodies.all().iter().zip(memory.bodies()).enumerate() {
-            let free = contact.free + contact.drift * drifted + known.offset * now;
+            let free = known.creep.unforced(&place_of(contact), moment);
             let gap = free.x + contact.approach(&led[0], &poses.predicted).x;
             let mut along = free - known.end + contact.approach(before, &poses.predicted);
             along += contact.frame.tr_mul(&known.slip);
             if known.stuck >= STUCK {
-                along += contact.approach(&led[0], &led[1]) * leads;
+                along += contact.approach(&led[0], &led[1]) * moment.faded;
             }
             self.blocks.push(Block { start: self.delta_free.len(), law: contact.law.at_free_gap(gap) });
             self.delta_free.push(gap);
@@ -140,4 +143,10 @@ impl Rows {
             });
         }
     }
+}
+
+/// Coordinates of a contact as a place.
+fn place_of(contact: &BodyContact) -> Place {
+    let end = Vector3::new(contact.gap, 0.0, 0.0);
+    Place { end, free: contact.free, drift: contact.drift, flow: contact.flow }
 }

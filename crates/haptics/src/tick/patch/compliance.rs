@@ -7,17 +7,18 @@ use crate::coupling::Coupling;
 use crate::patch::HapticPatch;
 
 impl Rows {
-    /// W \[m/N\], by columns without padding, with the compliances of the tool's pose and of its opening \[rad/(N m)\]. False
+    /// W \[m/N\] by `yields` of the patch's compliance, by columns without padding, with the compliances of the tool's pose and of its opening \[rad/(N m)\]. False
     /// where a number is not finite.
     pub(super) fn compliance_into(
         &self,
         patch: &HapticPatch,
+        yields: f64,
         (coupling, opening): (&Coupling, f64),
         w: &mut [f64],
     ) -> bool {
         let m = self.len();
         let tool = ToolYield { c: coupling.compliance(), turning: coupling.rotational_compliance(), opening };
-        let places = PlaceBlocks::new(patch);
+        let places = PlaceBlocks::new(patch, yields);
         let mut finite = true;
         for (j, (b, columns)) in self.contact.iter().zip(&self.blocks).enumerate() {
             for (a, lines) in self.contact.iter().zip(&self.blocks).skip(j) {
@@ -101,11 +102,12 @@ impl ToolYield {
 struct PlaceBlocks<'a> {
     compliance: &'a [f64],
     stride: usize,
+    yields: f64,
 }
 
 impl<'a> PlaceBlocks<'a> {
-    fn new(patch: &'a HapticPatch) -> Self {
-        Self { compliance: patch.compliance(), stride: patch.degrees_of_freedom() }
+    fn new(patch: &'a HapticPatch, yields: f64) -> Self {
+        Self { compliance: patch.compliance(), stride: patch.degrees_of_freedom(), yields }
     }
 
     /// Displacement of the point of `a` per force at the point of `b` \[m/N\].
@@ -119,7 +121,7 @@ impl<'a> PlaceBlocks<'a> {
                     for column in 0..3 {
                         let at = (3 * q + column) * self.stride + 3 * p;
                         if let Some([x, y, z]) = self.compliance.get(at..at + 3) {
-                            let share = weight * share;
+                            let share = weight * share * self.yields;
                             sum[(0, column)] += share * x;
                             sum[(1, column)] += share * y;
                             sum[(2, column)] += share * z;

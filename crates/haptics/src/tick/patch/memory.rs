@@ -1,15 +1,17 @@
 //! What a tick on a patch remembers: the shape and the forces of its end, by the names of nodes and features.
 //!
-//! When a new snapshot comes, forces stay and the shape goes on from where it was: with x the shape at the end of the tick
-//! before and f its forces,
+//! When a new snapshot comes, forces stay and the shape goes on from where it was and as fast as it was ([`super::creep`]): an offset o
+//! is what would else be another shape or another velocity, and it fades,
 //! ```text
-//! q = q_free + d t/h + o s(t),   o = x − C f − q_free,   s falls from 1 to 0 within `hand_over`
+//! o s(t),   s falls from 1 to 0 within `hand_over`
 //! ```
 //! so at the first tick of a snapshot shape and forces solve the new problem as they solved the old, whatever changed in
 //! q_free *and* in C, and what the new snapshot knows better comes in over a stated time. A time that is over within a tick is
-//! none, s = 0: where each tick has a snapshot of its own, nothing that the snapshots know would ever come in else. A node that is new to the patch
+//! none: s is 0 at once, for where each tick has its own snapshot nothing else would ever come in. A node that is new to the patch
 //! starts at its place, without force; in a patch that nothing is remembered of, with the force that the step found. The
 //! drift d ends where the next step should have come, and so does what it can do in a run whose steps are late.
+//!
+//! A snapshot is of the tool in the tick before, so the first tick of it is one tick, T, on its way.
 //!
 //! Where friction holds, step and tick each remember how the tissue lies on the tool, and what they remember drifts apart:
 //! ticks slide on between two steps, and steps hold what they find at their begin. The step's tissue lives on, so it is right:
@@ -25,34 +27,16 @@ use palpate_collision::ToolPose;
 
 use super::PatchWorkspace;
 use super::bodies::BodyMemory;
+use super::creep::{CreepLaw, Moment, Place, TouchAge};
 use super::known::{Known, STUCK};
+use super::node::Node;
 use super::rows::Rows;
 use crate::patch::HapticPatch;
 use crate::wrench::all_finite;
 
-/// A node of the patch in use.
-#[derive(Clone, Copy, Debug)]
-struct Node {
-    name: u32,
-    /// Whether the patch before had it.
-    known: bool,
-    /// Where it was at the end of the tick before \[m\].
-    shape: Vector3<f64>,
-    /// o \[m\].
-    offset: Vector3<f64>,
-    /// From the shape to the place where contacts are found \[m\].
-    lag: Vector3<f64>,
-    /// From q to the place where contacts are found \[m\]: C f, which it follows by [`FOLLOWS`].
-    yielded: Vector3<f64>,
-    /// x − q_end \[m\].
-    drift: Vector3<f64>,
-}
-
 /// Share of the way to the shape of its forces that the place where contacts are found goes in a tick.
 const FOLLOWS: f64 = 0.3;
 
-const NOWHERE: Node =
-    Node { name: u32::MAX, known: false, shape: ZERO, offset: ZERO, lag: ZERO, yielded: ZERO, drift: ZERO };
 const ZERO: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
 
 /// State of ticks on patches, of fixed size.
@@ -80,24 +64,28 @@ pub(in crate::tick) struct PatchMemory {
     fade: f64,
     /// Time since the snapshot in use was taken over \[s\].
     since: f64,
-    /// h: the time that its drift takes \[s\].
-    step: f64,
-    /// Time of the tick \[s\].
+    /// T: time of the tick \[s\].
     tick: f64,
+    /// h: the time that its drift takes \[s\], and β.
+    step: f64,
+    viscosity: f64,
+    /// Age of the touch, and the share of β that it left when the snapshot came.
+    touch: TouchAge,
+    share: f64,
 }
 
 impl PatchMemory {
     pub(in crate::tick) fn new(max_nodes: usize, max_contacts: usize, max_bodies: usize) -> Self {
         let places = max_bodies + max_nodes;
         Self {
-            nodes: vec![NOWHERE; max_nodes],
+            nodes: vec![Node::NEW; max_nodes],
             force: vec![ZERO; places],
             count: 0,
             yielding: 0,
             bodies: Vec::with_capacity(max_bodies),
             next_bodies: Vec::with_capacity(max_bodies),
             max_bodies,
-            next: vec![NOWHERE; max_nodes],
+            next: vec![Node::NEW; max_nodes],
             next_force: vec![ZERO; places],
             moved: vec![ZERO; places],
             contacts: Vec::with_capacity(max_contacts),
@@ -106,8 +94,11 @@ impl PatchMemory {
             led: [Isometry3::identity().into(); 2],
             fade: 0.0,
             since: 0.0,
-            step: 0.0,
             tick: 0.0,
+            step: 0.0,
+            viscosity: 0.0,
+            touch: TouchAge::NEW,
+            share: 0.0,
         }
     }
 
@@ -117,6 +108,7 @@ impl PatchMemory {
         self.bodies.clear();
         self.contacts.clear();
         self.tool = None;
+        self.touch = TouchAge::NEW;
     }
 
     /// Whether the patch is the one whose shape it remembers.
@@ -128,22 +120,35 @@ impl PatchMemory {
     pub(in crate::tick) fn age(&mut self, dt: f64) {
         self.since += dt;
         self.tick = dt;
+        self.touch.pass(dt, !self.contacts.is_empty());
     }
 
     /// Makes the memory belong to the patch of a new snapshot. At most `nodes²` comparisons and one product with C.
     ///
-    /// `tool` is that of the step, `step` is h and `tick` the time of the tick \[s\].
-    pub(in crate::tick) fn take_over(&mut self, patch: &HapticPatch, tool: &ToolPose, (step, tick): (f64, f64)) {
+    /// `tool` is that of the step, `step` and `tick` are h and T \[s\]. Tissue creeps from snapshot to snapshot: not where nothing
+    /// is handed over.
+    pub(in crate::tick) fn take_over(
+        &mut self,
+        patch: &HapticPatch,
+        tool: &ToolPose,
+        (step, tick, hand_over): (f64, f64, f64),
+    ) {
         let nodes = patch.len().min(self.nodes.len());
         self.take_over_bodies(patch);
         let yielding = patch.bodies.yielding().min(self.bodies.len());
         let fresh = self.count == 0;
-        (self.since, self.fade, self.step, self.tick) = (0.0, 1.0, step, tick);
+        (self.since, self.fade, self.tick, self.step) = (0.0, 1.0, tick, step);
+        self.touch.pass(tick, !self.contacts.is_empty());
+        self.viscosity = patch.viscosity;
+        self.share = if tick < hand_over { self.touch.share() } else { 0.0 };
+
+        // As it begins: s is 1.
+        let now = self.moment(f64::INFINITY, 0.0);
         self.led = [*tool, self.tool.unwrap_or(*tool)];
         self.contacts.iter_mut().filter(|known| known.stuck < STUCK).for_each(|known| known.stuck += 1);
         for (k, &name) in patch.skin().nodes().iter().enumerate().take(nodes) {
             let old = self.nodes.iter().take(self.count).position(|node| node.name == name);
-            self.next[k] = Node { name, known: old.is_some(), ..old.map_or(NOWHERE, |old| self.nodes[old]) };
+            self.next[k] = Node { name, known: old.is_some(), ..old.map_or(Node::NEW, |old| self.nodes[old]) };
             let found = if fresh { patch.force().get(k).copied() } else { None };
             self.next_force[yielding + k] = old.map_or(found.unwrap_or(ZERO), |old| self.force[self.yielding + old]);
         }
@@ -152,18 +157,17 @@ impl PatchMemory {
         let (of_bodies, of_nodes) = self.moved.split_at(yielding);
         let of_bodies = of_bodies.iter().chain(std::iter::repeat(&ZERO));
         for ((body, contact), moved) in self.bodies.iter_mut().zip(patch.bodies.all()).zip(of_bodies) {
-            body.begin(contact, moved, &self.led);
+            body.begin(contact, &now, moved, &self.led);
         }
-        let shapes = patch.q_free().iter().zip(patch.q_end());
-        for ((node, moved), (q_free, q_end)) in self.next.iter_mut().zip(of_nodes).zip(shapes).take(nodes) {
-            node.offset = node.shape - moved - q_free;
-            node.drift = node.shape - q_end;
-            node.yielded = moved + node.lag;
+        let yields = now.law.yields();
+        for ((node, moved), place) in self.next.iter_mut().zip(of_nodes).zip(Place::nodes(patch)).take(nodes) {
+            node.creep.take_over(&place, &now, &node.shape, moved, false);
+            node.drift = node.shape - place.end;
+            node.yielded = moved * yields + node.lag;
             // What was not finite is forgotten.
-            if !node.known || !all_finite(&(node.offset + node.lag + node.drift)) {
-                (node.lag, node.yielded) = (ZERO, *moved);
-                (node.offset, node.drift) = (ZERO, ZERO);
-                node.shape = q_free + moved;
+            if !node.known || !node.creep.is_finite() || !all_finite(&(node.lag + node.drift)) {
+                (node.lag, node.yielded, node.drift) = (ZERO, moved * yields, ZERO);
+                node.shape = node.creep.begin(&place, &now, moved);
             }
         }
         std::mem::swap(&mut self.nodes, &mut self.next);
@@ -189,31 +193,25 @@ impl PatchMemory {
         &self.bodies
     }
 
-    /// What s has fallen by since the tick before.
-    pub(super) fn faded(&self, hand_over: f64) -> f64 {
-        self.fade - self.fade(hand_over)
-    }
-
-    /// s at this time.
-    pub(super) fn fade(&self, hand_over: f64) -> f64 {
+    /// When this tick is, or that so many later, in a hand-over of this length \[s\].
+    pub(in crate::tick) fn moment(&self, hand_over: f64, later: f64) -> Moment {
+        let (since, tick, step) = (self.since + later * self.tick, self.tick, self.step);
         // Nothing is handed over in no time; NaN of 0/0 does not come up.
-        if self.since >= hand_over || self.tick >= hand_over { 0.0 } else { 1.0 - self.since / hand_over }
+        let fade = if since >= hand_over || tick >= hand_over { 0.0 } else { 1.0 - since / hand_over };
+        let drifted = if step > 0.0 { (since.min(step) + tick) / step } else { 0.0 };
+        let drifts = if since < step { 1.0 / step } else { 0.0 };
+        let law = CreepLaw::new(self.viscosity, self.share, step, tick);
+        Moment { fade, faded: self.fade - fade, drifted, drifts, law }
     }
 
-    /// t/h: the snapshot is of the tool in the tick before, so the first tick of it is one tick on its way.
-    pub(super) fn drifted(&self) -> f64 {
-        if self.step > 0.0 { (self.since.min(self.step) + self.tick) / self.step } else { 0.0 }
-    }
-
-    /// The shape under the forces of the tick before, at this place in the hand-over \[m\].
-    pub(super) fn shape_now(&self, patch: &HapticPatch, fade: f64, shape: &mut [Vector3<f64>]) {
-        let drifted = self.drifted();
-        for (((to, node), q_free), drift) in shape.iter_mut().zip(&self.nodes).zip(patch.q_free()).zip(patch.drift()) {
-            *to = q_free + drift * drifted + node.offset * fade + node.yielded;
+    /// The shape under the forces of the tick before, at this moment \[m\].
+    pub(super) fn shape_now(&self, patch: &HapticPatch, now: &Moment, shape: &mut [Vector3<f64>]) {
+        for ((to, node), place) in shape.iter_mut().zip(&self.nodes).zip(Place::nodes(patch)) {
+            *to = node.creep.unforced(&place, now) + node.yielded;
         }
     }
 
-    /// C f at a node \[m\].
+    /// What the forces of the tick before do at a node \[m\].
     pub(super) fn yielded(&self, node: usize) -> Option<Vector3<f64>> {
         self.nodes.get(node).map(|node| node.yielded)
     }
@@ -234,9 +232,9 @@ impl PatchMemory {
     }
 
     /// What s has fallen by since the tick before, for a contact that is led; 0 for others.
-    pub(super) fn leads(&self, feature: u64, hand_over: f64) -> f64 {
+    pub(super) fn leads(&self, feature: u64, now: &Moment) -> f64 {
         let stuck = self.known(feature).is_some_and(|known| known.stuck >= STUCK);
-        if stuck { self.faded(hand_over) } else { 0.0 }
+        if stuck { now.faded } else { 0.0 }
     }
 
     /// Where the tool was at the end of the tick before.
@@ -268,23 +266,23 @@ impl PatchMemory {
 
     /// Remembers what a tick found, and where the tool is at its end.
     pub(in crate::tick) fn keep(&mut self, patch: &HapticPatch, hand_over: f64, tool: &ToolPose, ws: &PatchWorkspace) {
-        let fade = self.fade(hand_over);
-        let (y, drifted) = (self.yielding, self.drifted());
+        let now = self.moment(hand_over, 0.0);
+        let (y, yields) = (self.yielding, now.law.yields());
         self.force.iter_mut().zip(&ws.force).for_each(|(kept, force)| *kept = *force);
         let of_nodes = ws.moved.get(y..).unwrap_or_default();
-        let free = patch.q_free().iter().zip(patch.drift()).map(|(q, drift)| q + drift * drifted);
-        for ((node, q_free), moved) in self.nodes.iter_mut().zip(free).zip(of_nodes) {
-            node.shape = q_free + node.offset * fade + moved;
+        for ((node, place), moved) in self.nodes.iter_mut().zip(Place::nodes(patch)).zip(of_nodes) {
+            node.shape = node.creep.keep(&place, &now, moved);
+            let moved = moved * yields;
             node.yielded += (moved - node.yielded) * FOLLOWS;
             node.lag = node.yielded - moved;
         }
-        (self.tool, self.fade) = (Some(*tool), fade);
+        (self.tool, self.fade) = (Some(*tool), now.fade);
         self.contacts.clear();
         let rows = ws.rows.contact.iter().filter(|row| row.body.is_none()).take(self.max_contacts);
         self.contacts.extend(rows.filter(|row| row.force != ZERO).map(Known::new));
         let of_bodies = ws.moved.iter().take(y).chain(std::iter::repeat(&ZERO));
         for ((body, contact), moved) in self.bodies.iter_mut().zip(patch.bodies.all()).zip(of_bodies) {
-            body.keep(contact, moved, (fade, drifted), contact.approach(&self.led[0], tool).x);
+            body.keep(contact, &now, moved, contact.approach(&self.led[0], tool).x);
         }
         for row in &ws.rows.contact {
             if let Some(body) = row.body.and_then(|k| self.bodies.get_mut(k)) {

@@ -1,12 +1,12 @@
 //! The local problem of a tick on a patch of tissue: contacts at the newest pose, their rows, forces, wrench.
 //!
-//! Let x = q_free + C f be the shape under the forces of the tick before, y = q_free + r a place that follows it (r goes
-//! 0.3 of its way to C f in each tick), and X the tool as the coupling would hold it if the force stayed. Contacts are
+//! Let x = q + k C f be the shape under the forces of the tick before, q that without, k the share of the step's compliance
+//! that shows within a tick ([`creep`]), y = q + r a place that follows it (r goes 0.3 of its way to k C f in each tick), and X the tool as the coupling would hold it if the force stayed. Contacts are
 //! found between y and X, and everything is linearised there:
 //! ```text
-//! W      = B (C + c) Bᵀ  (+ c_rot)            m/N     B: the rows' directions on the nodes; c: the coupling's compliance
+//! W      = B (k C + c) Bᵀ  (+ c_rot)          m/N     B: the rows' directions on the nodes; c: the coupling's compliance
 //! normal:   δ_free = gap(y, X) − n · r + J (X_predicted − X)                           m
-//! tangents: δ_free = t · (q_free − x₋) − t · (path of the tool's point since the tick before) + slip    m
+//! tangents: δ_free = t · (q − x₋) − t · (path of the tool's point since the tick before) + slip    m
 //! ```
 //! with x₋ the shape when the tick before ended. So normals follow the skin while the tool slides, a contact that begins
 //! between two steps is felt at once, and one tick is one damped iteration of Newton's method on the geometry. Undamped
@@ -21,9 +21,11 @@
 
 mod bodies;
 mod compliance;
+mod creep;
 mod jaws;
 mod known;
 mod memory;
+mod node;
 mod rows;
 
 use nalgebra::Vector3;
@@ -40,6 +42,7 @@ use crate::error::non_negative;
 use crate::gripper::Gripper;
 use crate::patch::HapticPatch;
 
+use creep::Moment;
 use jaws::Jaws;
 pub(super) use memory::PatchMemory;
 use rows::Rows;
@@ -134,6 +137,7 @@ impl PatchProblem<'_> {
         memory: &PatchMemory,
         patch: &HapticPatch,
         poses: &ToolPoses,
+        now: &Moment,
         ws: &mut TickWorkspace,
     ) -> Local {
         let TickWorkspace { patch: Some(scratch), w, solver, .. } = ws else { return Local::EMPTY };
@@ -144,8 +148,7 @@ impl PatchProblem<'_> {
         {
             return Local { truncated: true, ..Local::EMPTY };
         }
-        let fade = memory.fade(self.config.hand_over);
-        memory.shape_now(patch, fade, &mut scratch.shape[..nodes]);
+        memory.shape_now(patch, now, &mut scratch.shape[..nodes]);
         let dropped = scratch.detection.detect_tool(
             patch.skin(),
             &scratch.shape[..nodes],
@@ -158,15 +161,14 @@ impl PatchProblem<'_> {
         let truncated = dropped > 0;
         let rows = &mut scratch.rows;
         let jaws = Jaws::new(&self.config.tool, poses, memory.tool(), memory.led());
-        let hand_over = self.config.hand_over;
-        rows.build(scratch.detection.contacts(), &scratch.shape[..nodes], (memory, hand_over), patch, (&jaws, poses));
+        rows.build(scratch.detection.contacts(), &scratch.shape[..nodes], (memory, now), patch, (&jaws, poses));
         let m = rows.len();
         if m == 0 {
             return Local { truncated, ..Local::EMPTY };
         }
         let Some(w) = w.get_mut(..m * m) else { return Local { truncated: true, ..Local::EMPTY } };
         let opening = self.gripper.map_or(0.0, Gripper::compliance);
-        let sound = rows.compliance_into(patch, (self.coupling, opening), w);
+        let sound = rows.compliance_into(patch, now.law.yields(), (self.coupling, opening), w);
 
         memory.warm_start(rows);
         let view = ProblemView { compliance: w, stride: m, delta_free: &rows.delta_free, blocks: &rows.blocks };

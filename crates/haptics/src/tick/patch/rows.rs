@@ -7,6 +7,7 @@ use palpate_constraints::law::{Law, Signorini};
 use palpate_solver::problem::Block;
 
 use super::ToolPoses;
+use super::creep::Moment;
 use super::jaws::Jaws;
 use super::memory::PatchMemory;
 use crate::patch::HapticPatch;
@@ -89,7 +90,7 @@ impl Rows {
         &mut self,
         contacts: &[Contact],
         shape: &[Vector3<f64>],
-        (memory, hand_over): (&PatchMemory, f64),
+        (memory, now): (&PatchMemory, &Moment),
         patch: &HapticPatch,
         (jaws, poses): (&Jaws, &ToolPoses),
     ) {
@@ -122,18 +123,18 @@ impl Rows {
             // How the point yields to the forces of the tick before, and how it has moved since without them.
             let (mut yielded, mut moved) = (Vector3::zeros(), Vector3::zeros());
             // What it is led by.
-            let leads = if each > 1 { memory.leads(contact.feature, hand_over) } else { 0.0 };
+            let leads = if each > 1 { memory.leads(contact.feature, now) } else { 0.0 };
             let mut drift = Vector3::zeros();
             for (&node, &weight) in contact.nodes.iter().zip(&contact.weights) {
                 let node = node as usize;
-                let (Some(now), Some(y), Some(then)) = (shape.get(node), memory.yielded(node), memory.shape(node))
+                let (Some(here), Some(y), Some(then)) = (shape.get(node), memory.yielded(node), memory.shape(node))
                 else {
                     continue;
                 };
                 if weight != 0.0 {
                     row.add(bodies + node, weight);
                     yielded += y * weight;
-                    moved += (now - y - then) * weight;
+                    moved += (here - y - then) * weight;
                     if leads > 0.0 {
                         drift += memory.drift(node).unwrap_or_else(Vector3::zeros) * weight;
                     }
@@ -152,7 +153,7 @@ impl Rows {
             }
             self.contact.push(row);
         }
-        self.build_bodies(memory, hand_over, patch, poses);
+        self.build_bodies(memory, now, patch, poses);
         self.lambda.clear();
         self.lambda.resize(self.delta_free.len(), 0.0);
     }
