@@ -8,7 +8,7 @@ use palpate::haptics::exchange::{Reader, Writer, latest};
 use palpate::haptics::snapshot::HapticSnapshot;
 use palpate::haptics::tick::TickConfig;
 use palpate::prelude::*;
-use palpate::scene::TickMethod;
+use palpate::scene::{TickDescription, TickMethod};
 use palpate::step::StepStatus;
 use palpate::tick::{TickRecord, Ticker};
 
@@ -39,8 +39,11 @@ impl Method {
     /// Sets up the tick of a scene whose tissue steps at `rate` (Hz).
     pub(crate) fn describe(self, rate: f64, scene: &mut SceneDescription) {
         scene.rates.step = rate;
-        scene.tick.method =
-            if matches!(self, Self::Frozen | Self::Held) { TickMethod::Frozen } else { TickMethod::Local };
+        scene.tick.method = TickMethod::Local;
+        if matches!(self, Self::Frozen | Self::Held) {
+            // What a scene says of its patch has no effect on frozen rows, and would be refused.
+            scene.tick = TickDescription { method: TickMethod::Frozen, ..TickDescription::default() };
+        }
         if self == Self::LocalAtOnce {
             scene.tick.hand_over = 0.0;
         }

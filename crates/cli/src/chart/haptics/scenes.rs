@@ -147,7 +147,9 @@ mod tests {
     fn a_press_ends_in_a_rest_and_a_grasper_s_closed_and_raised() {
         let path = |scene| {
             let case = Case { scene, purpose: Use::Press, quick: false };
-            case.world(Method::Local, 30.0, |_| {}).unwrap().description().hand.path.clone()
+            let worlds =
+                [Method::Local, Method::Frozen, Method::Held].map(|method| case.world(method, 30.0, |_| {}).unwrap());
+            worlds[0].description().hand.path.clone()
         };
         let pressed = path("block");
         assert_eq!((pressed.len(), pressed[1].time), (2, PRESS));
