@@ -105,14 +105,16 @@ fn serve(desk: &Desk, stream: TcpStream, inventory: &Value) {
     let _ = socket.send(Message::text(inventory.to_string()));
     let mut trickle = Trickle::default();
     while !desk.end.load(Ordering::Acquire) {
-        match *desk.manner.lock().unwrap() {
+        // One manner for all of a turn: an answer in the midst of a trickled message would spoil both.
+        let manner = *desk.manner.lock().unwrap();
+        match manner {
             Manner::Ping => _ = socket.send(Message::Ping(vec![7].into())),
             Manner::Trickle => trickle.drip(socket.get_mut()),
             _ => trickle.finish(socket.get_mut()),
         }
         match socket.read() {
             Ok(Message::Text(text)) => {
-                if !answer(desk, &mut socket, &text) {
+                if !answer(desk, manner, &mut socket, &text) {
                     return;
                 }
             }
@@ -147,7 +149,7 @@ impl Trickle {
 }
 
 /// False where the service hangs up.
-fn answer(desk: &Desk, socket: &mut WebSocket<TcpStream>, text: &str) -> bool {
+fn answer(desk: &Desk, manner: Manner, socket: &mut WebSocket<TcpStream>, text: &str) -> bool {
     let command: Value = serde_json::from_str(text).unwrap();
     let first = desk.commands.fetch_add(1, Ordering::Relaxed) == 0;
     assert_eq!(command.get("session").is_some(), first, "the session is configured once, at first: {text}");
@@ -155,7 +157,6 @@ fn answer(desk: &Desk, socket: &mut WebSocket<TcpStream>, text: &str) -> bool {
     let force = &command["inverse3"][0]["commands"]["set_cursor_force"]["vector"];
     let force = ["x", "y", "z"].map(|axis| force[axis].as_f64().unwrap());
     let state = move_arm(&mut desk.arm.lock().unwrap(), force);
-    let manner = *desk.manner.lock().unwrap();
     let reply = match manner {
         Manner::Sound => Message::text(json!({ "inverse3": [{ "device_id": "049D", "state": state }] }).to_string()),
         Manner::Gibberish => Message::text("{ \"inverse3\": [ { \"device"),
