@@ -157,7 +157,7 @@ impl ContactLaw for Coulomb {
 /// [`ContactLaw::natural_map`] of one contact, or of one in each lane. `rho` in N/m, `delta` in m, `lambda` in N.
 #[inline(always)]
 pub(super) fn natural_map<T: Real>(mu: T, rho: T, delta: [T; 3], lambda: [T; 3]) -> [T; 3] {
-    let (zero, nowhere) = (mu.constant(0.0), mu.constant(f64::NAN));
+    let zero = mu.constant(0.0);
     let norm = |y: T, z: T| (y * y + z * z).sqrt();
     // As in `coefficient`.
     let mu = mu.larger(zero);
@@ -169,13 +169,14 @@ pub(super) fn natural_map<T: Real>(mu: T, rho: T, delta: [T; 3], lambda: [T; 3])
     let shrink = mu * normal / tangential;
     let surface = [normal, shrink * x[1], shrink * x[2]];
     // Forces beyond 1e154 N have no norm, and no residual: a projection made up for them would pass for a solution.
+    // Infinity and NaN become NaN here, all else 0.
+    let nowhere = (x[0] + tangential) * 0.0;
     let finite = mu.constant(f64::INFINITY).above(surface[0].abs() + surface[1].abs() + surface[2].abs());
     let outside = tangential.above(mu * x[0] * (1.0 + 4.0 * f64::EPSILON));
     let pushed = (mu * tangential).above(-x[0]);
     let part = |c: usize| {
-        let nearest = surface[c].or_where_not(finite, nowhere).or_where_not(outside, x[c]).or_where_not(pushed, zero);
-        // Infinity and NaN become NaN.
-        lambda[c] - nearest + (x[c] + tangential) * 0.0
+        let nearest = surface[c].or_where_not(finite, zero).or_where_not(outside, x[c]).or_where_not(pushed, zero);
+        lambda[c] - nearest + nowhere
     };
     [part(0), part(1), part(2)]
 }
