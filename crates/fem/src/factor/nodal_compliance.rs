@@ -20,7 +20,7 @@ use super::workers::join;
 use crate::nodal_rows::NodalRows;
 
 /// Nodes that are solved for together.
-pub(super) const NODES_OF_BLOCK: usize = BLOCK_ROWS / 3;
+const NODES_OF_BLOCK: usize = BLOCK_ROWS / 3;
 
 /// Most blocks: beyond it all nodes are forgotten, since blocks of a few nodes each are slow to multiply.
 const MOST_BLOCKS: usize = 12;
@@ -33,7 +33,7 @@ const SETS: usize = 2;
 /// want them too.
 const WORTH: usize = 2;
 
-pub(super) const NOT_KEPT: u32 = u32::MAX;
+const NOT_KEPT: u32 = u32::MAX;
 /// Among those that are looked up, and not kept yet.
 const WANTED: u32 = u32::MAX - 1;
 
@@ -69,17 +69,23 @@ impl NodalCompliance {
     pub(super) fn new(symbolic: &SymbolicFactor, max_rows: usize) -> Self {
         let capacity = (SETS * max_rows / 3).min(MOST_BLOCKS * NODES_OF_BLOCK);
         let blocks = if capacity > 0 { MOST_BLOCKS } else { 0 };
+        let blocks = (0..blocks).map(|_| HalfBlock::new(symbolic, 3 * NODES_OF_BLOCK)).collect();
+        Self::empty(capacity, blocks, symbolic.nodes(), max_rows)
+    }
+
+    /// Nothing yet, in blocks for up to `capacity` of `nodes` nodes.
+    pub(super) fn empty(capacity: usize, blocks: Vec<HalfBlock>, nodes: usize, max_rows: usize) -> Self {
         Self {
             capacity,
-            blocks: (0..blocks).map(|_| HalfBlock::new(symbolic, 3 * NODES_OF_BLOCK)).collect(),
             used: 0,
-            start: Vec::with_capacity(blocks + 1),
+            start: Vec::with_capacity(blocks.len() + 1),
             nodes: Vec::with_capacity(capacity),
             wanted_at: Vec::with_capacity(capacity),
             compliances: 0,
-            place: vec![NOT_KEPT; symbolic.nodes()],
+            place: vec![NOT_KEPT; nodes],
             wanted: Vec::with_capacity(capacity),
-            units: (0..blocks).map(|_| NodalRows::with_capacity(3 * NODES_OF_BLOCK, 1)).collect(),
+            units: blocks.iter().map(|_| NodalRows::with_capacity(3 * NODES_OF_BLOCK, 1)).collect(),
+            blocks,
             gram: vec![0.0; 9 * capacity * capacity],
             column: vec![0.0; 3 * capacity],
             rows: NodalRows::with_capacity(max_rows, 3),

@@ -5,10 +5,9 @@
 //! them beside the steps, and hand them over with it.
 
 use super::half_block::HalfBlock;
-use super::nodal_compliance::{NODES_OF_BLOCK, NOT_KEPT, NodalCompliance};
+use super::nodal_compliance::NodalCompliance;
 use super::numeric::Factor;
 use super::reach::ReachWorkspace;
-use crate::nodal_rows::NodalRows;
 
 /// Latest compliances of which a step is expected to want the nodes again: that of its contacts, and that of the tissue
 /// around its tool.
@@ -60,24 +59,8 @@ impl NodalCompliance {
 impl Clone for NodalCompliance {
     /// As much memory, with nothing in it.
     fn clone(&self) -> Self {
-        let (units, blocks) = (|_| NodalRows::with_capacity(3 * NODES_OF_BLOCK, 1), self.blocks.len());
-        Self {
-            capacity: self.capacity,
-            blocks: self.blocks.iter().map(HalfBlock::empty_like).collect(),
-            used: 0,
-            start: Vec::with_capacity(blocks + 1),
-            nodes: Vec::with_capacity(self.capacity),
-            wanted_at: Vec::with_capacity(self.capacity),
-            compliances: 0,
-            place: vec![NOT_KEPT; self.place.len()],
-            wanted: Vec::with_capacity(self.capacity),
-            units: (0..blocks).map(units).collect(),
-            gram: vec![0.0; self.gram.len()],
-            column: vec![0.0; self.column.len()],
-            rows: NodalRows::with_capacity(self.most_entries / 3, 3),
-            most_entries: self.most_entries,
-            revision: 0,
-        }
+        let blocks = self.blocks.iter().map(HalfBlock::empty_like).collect();
+        Self::empty(self.capacity, blocks, self.place.len(), self.most_entries / 3)
     }
 }
 
