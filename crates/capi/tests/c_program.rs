@@ -89,22 +89,22 @@ fn check_physics(text: &str) {
     assert!(text.contains("phase running"));
 }
 
+/// The example, built against the shared library among these.
+fn built_shared(libraries: &tempfile::TempDir) -> PathBuf {
+    let built = libraries.path().join("shared");
+    let mut command = compiler("cc", "c99");
+    command.arg(program()).arg("-o").arg(&built).arg("-L").arg(libraries.path()).args(["-lpalpate", "-lm"]);
+    succeed(&mut command);
+    built
+}
+
 #[test]
 fn the_example_feels_the_body_through_the_shared_library() {
     if !has("cc") {
         return;
     }
     let libraries = libraries();
-    let built = libraries.path().join("shared");
-    succeed(
-        compiler("cc", "c99")
-            .arg(program())
-            .arg("-o")
-            .arg(&built)
-            .arg("-L")
-            .arg(libraries.path())
-            .args(["-lpalpate", "-lm"]),
-    );
+    let built = built_shared(&libraries);
     let output = succeed(Command::new(&built).args(["block", "3"]).env("LD_LIBRARY_PATH", libraries.path()));
     check_physics(&String::from_utf8(output.stdout).unwrap());
 }
@@ -129,10 +129,7 @@ fn the_example_finds_bodies_of_other_sizes_and_draws_one_that_is_cut() {
         return;
     }
     let libraries = libraries();
-    let built = libraries.path().join("shared");
-    let mut command = compiler("cc", "c99");
-    command.arg(program()).arg("-o").arg(&built).arg("-L").arg(libraries.path()).args(["-lpalpate", "-lm"]);
-    succeed(&mut command);
+    let built = built_shared(&libraries);
     for scene in ["liver", "cut", "grasp"] {
         let output = succeed(Command::new(&built).args([scene, "2"]).env("LD_LIBRARY_PATH", libraries.path()));
         let text = String::from_utf8(output.stdout).unwrap();
@@ -149,10 +146,7 @@ fn a_mistake_is_a_message_and_an_exit_code() {
         return;
     }
     let libraries = libraries();
-    let built = libraries.path().join("shared");
-    let mut command = compiler("cc", "c99");
-    command.arg(program()).arg("-o").arg(&built).arg("-L").arg(libraries.path()).args(["-lpalpate", "-lm"]);
-    succeed(&mut command);
+    let built = built_shared(&libraries);
     let output = Command::new(&built).arg("bolck").env("LD_LIBRARY_PATH", libraries.path()).output().unwrap();
     let message = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{message}");

@@ -3,11 +3,9 @@
 mod sheet;
 
 use nalgebra::Vector3;
-use palpate_haptics::coupling::{CouplingConfig, Spring};
 use palpate_haptics::snapshot::HapticSnapshot;
-use palpate_haptics::tick::TickConfig;
 
-use sheet::{Ball, Bench, MIDDLE, Sheet, pose};
+use sheet::{Ball, Bench, Sheet, middle, pose, stiff};
 
 const RADIUS: f64 = 10e-3;
 /// Compliance (m/N) of a step of 1/30 s, and β (s).
@@ -19,11 +17,6 @@ const TICK: f64 = 1e-3;
 /// Depth (m) at which only one node is touched.
 const DEPTH: f64 = 1.8e-3;
 
-/// The tool follows the device.
-fn stiff(config: &mut TickConfig) {
-    config.coupling = CouplingConfig { translation: Spring { stiffness: 1e7, damping: 0.0 }, rotation: None };
-}
-
 /// Over the node in the middle, so deep that no other is touched.
 fn over(depth: f64) -> Vector3<f64> {
     Vector3::new(0.0, 0.0, RADIUS - depth)
@@ -34,11 +27,6 @@ fn viscous(step: u64, ball: &Ball, depth: f64) -> HapticSnapshot {
     let mut snapshot = Sheet::springs(C).snapshot(step, ball, &pose(over(depth)));
     (snapshot.patch.viscosity, snapshot.dt) = (BETA, STEP);
     snapshot
-}
-
-/// The number of the node in the middle.
-fn middle(snapshot: &HapticSnapshot) -> usize {
-    snapshot.patch.skin().nodes().iter().position(|node| *node == MIDDLE).expect("in reach")
 }
 
 /// Relaxation time (s) of a touch that is held.

@@ -5,6 +5,7 @@ use nalgebra::{Isometry3, Vector3};
 use palpate_collision::shape::ToolShape;
 use palpate_collision::{ContactKind, DetectionConfig, PatchConfig, PatchGathering, SurfaceGeometry};
 use palpate_constraints::law::{Coulomb, Signorini};
+use palpate_haptics::coupling::{CouplingConfig, Spring};
 use palpate_haptics::device::{DeviceSample, DeviceSpec, TickTime};
 use palpate_haptics::record::TickRecord;
 use palpate_haptics::snapshot::HapticSnapshot;
@@ -173,4 +174,14 @@ pub(crate) fn at(position: Vector3<f64>) -> DeviceSample {
 
 pub(crate) fn pose(position: Vector3<f64>) -> Isometry3<f64> {
     Isometry3::translation(position.x, position.y, position.z)
+}
+
+/// A change of the tick after which the tool follows the device.
+pub(crate) fn stiff(config: &mut TickConfig) {
+    config.coupling = CouplingConfig { translation: Spring { stiffness: 1e7, damping: 0.0 }, rotation: None };
+}
+
+/// The number of the node in the middle.
+pub(crate) fn middle(snapshot: &HapticSnapshot) -> usize {
+    snapshot.patch.skin().nodes().iter().position(|node| *node == MIDDLE).expect("in reach")
 }
