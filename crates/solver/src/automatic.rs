@@ -12,11 +12,11 @@
 //! Each begins at the best forces so far. The report has their residual, the iterations of all attempts, and how the run
 //! ended: a limit of time that was met, else the finding of the last attempt that had one (no solution, stalled), else the
 //! status of the attempt with the least residual. [`AutomaticWorkspace::attempts`] tells what was tried and how it ended. Step 6
-//! allocates, the others do not. [`AutomaticConfig::bounded`] leaves steps 4 and 6 out. Steps 4 and 6, whose iterations are long,
+//! allocates where it meets contacts that it has not met lately, the others do not. [`AutomaticConfig::bounded`] leaves steps 4 and 6 out. Steps 4 and 6, whose iterations are long,
 //! end after so many as are their own default, or sooner by the limit of each attempt.
 
 use crate::accelerated_gradient::{AcceleratedGradientConfig, AcceleratedGradientWorkspace};
-use crate::conic_friction::ConicFrictionConfig;
+use crate::conic_friction::{ConicFrictionConfig, ConicFrictionWorkspace};
 use crate::gauss_seidel::{GaussSeidelConfig, GaussSeidelWorkspace};
 use crate::lemke::{LemkeConfig, LemkeWorkspace};
 use crate::newton::{NewtonConfig, NewtonWorkspace};
@@ -47,7 +47,7 @@ pub struct AutomaticConfig {
     /// Limit of iterations of each attempt. Default 5000.
     pub max_iterations: u32,
     /// Leaves out what a thread that must be in time cannot afford: Lemke's method, which may take a second, and the cone
-    /// programs, which allocate. Default false.
+    /// programs, whose interior points take as long. Default false.
     pub bounded: bool,
 }
 
@@ -73,6 +73,7 @@ pub struct AutomaticWorkspace {
     newton: NewtonWorkspace,
     lemke: LemkeWorkspace,
     gradient: AcceleratedGradientWorkspace,
+    cones: ConicFrictionWorkspace,
     best: Vec<f64>,
     attempts: Vec<Attempt>,
 }
@@ -119,6 +120,7 @@ impl ConstraintSolver for AutomaticConfig {
             newton: NewtonConfig::default().workspace(rows),
             lemke: LemkeConfig::default().workspace(if self.bounded { 0 } else { rows.min(LEMKE_ROWS) }),
             gradient: AcceleratedGradientConfig::default().workspace(rows),
+            cones: ConicFrictionConfig::default().workspace(if self.bounded { 0 } else { rows }),
             best: Vec::with_capacity(rows),
             attempts: Vec::with_capacity(ATTEMPTS),
         }
@@ -155,7 +157,7 @@ impl ConstraintSolver for AutomaticConfig {
             || attempt(&gradient, view, lambda, &mut ws.gradient, watch, &mut best)
             || !self.bounded && rows <= LEMKE_ROWS && attempt(&lemke, view, lambda, &mut ws.lemke, watch, &mut best)
             || attempt(&sweeps, view, lambda, &mut ws.sweeps, watch, &mut best)
-            || !self.bounded && attempt(&cones, view, lambda, &mut ws.sweeps, watch, &mut best);
+            || !self.bounded && attempt(&cones, view, lambda, &mut ws.cones, watch, &mut best);
         let Some(report) = best.report else { return SolveReport::failed(SolveStatus::Invalid, 0) };
         let iterations = best.attempts.iter().map(|attempt| attempt.report.iterations).sum();
         SolveReport { status: verdict(report.status, best.attempts), iterations, ..report }

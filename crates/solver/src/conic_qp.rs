@@ -6,11 +6,12 @@
 //! ```
 //!
 //! The program is the problem itself, since these laws are associated; rows of `W` may be redundant. Laws with friction
-//! (a coefficient or limit above zero) end as [`SolveStatus::Unsupported`]: [`crate::conic_friction`] takes them. Conflicting closed rows make the program
-//! unbounded, and end as [`SolveStatus::NoSolution`]. Clarabel starts from its own point, not from `lambda`, and allocates:
-//! a reference and a fall-back at step rate, not for the tick.
+//! (a coefficient or limit above zero) end as [`SolveStatus::Unsupported`]: [`crate::conic_friction`] takes them.
+//! Conflicting closed rows make the program unbounded, and end as [`SolveStatus::NoSolution`]. Clarabel starts from its
+//! own point, not from `lambda`: a reference and a fall-back at step rate, not for the tick. Problems whose laws have been
+//! met lately, in the same order, are solved without allocation.
 
-use crate::conic::ConicProgram;
+use crate::conic::{ConicPrograms, Until};
 use crate::gauss_seidel::GaussSeidelWorkspace;
 use crate::iteration::{self, Advance, Stop};
 use crate::problem::ProblemView;
@@ -35,12 +36,27 @@ impl Default for ConicQpConfig {
     }
 }
 
+/// Memory of the quadratic program: of the gaps, and programs by structure, laid out as they are met.
+#[derive(Clone, Debug, Default)]
+pub struct ConicQpWorkspace {
+    gaps: GaussSeidelWorkspace,
+    programs: ConicPrograms,
+}
+
+impl ConicQpWorkspace {
+    /// Memory for problems of up to `rows` rows.
+    #[must_use]
+    pub fn with_capacity(rows: usize) -> Self {
+        Self { gaps: GaussSeidelWorkspace::with_capacity(rows), programs: ConicPrograms::default() }
+    }
+}
+
 impl ConstraintSolver for ConicQpConfig {
     const NAME: &'static str = "conic_qp";
-    type Workspace = GaussSeidelWorkspace;
+    type Workspace = ConicQpWorkspace;
 
-    fn workspace(&self, rows: usize) -> GaussSeidelWorkspace {
-        GaussSeidelWorkspace::with_capacity(rows)
+    fn workspace(&self, rows: usize) -> ConicQpWorkspace {
+        ConicQpWorkspace::with_capacity(rows)
     }
 
     /// There is one program: the limit of iterations says whether it is solved at all.
@@ -52,12 +68,13 @@ impl ConstraintSolver for ConicQpConfig {
         &self,
         view: &ProblemView<'_>,
         lambda: &mut [f64],
-        ws: &mut GaussSeidelWorkspace,
+        ws: &mut ConicQpWorkspace,
         watch: &mut Watch<'_>,
     ) -> SolveReport {
         let stop = Stop { tolerance: self.tolerance, max_iterations: 1, stall: 1 };
         let deadline = watch.deadline();
-        let report = iteration::run(view, lambda, stop, ws, watch, |lambda, ws, _| {
+        let ConicQpWorkspace { gaps, programs } = ws;
+        let report = iteration::run(view, lambda, stop, gaps, watch, |lambda, ws, _| {
             let linear = |form| match form {
                 ConicForm::Free | ConicForm::NonNegative | ConicForm::Interval { .. } => true,
                 ConicForm::SecondOrder { friction } | ConicForm::Polyhedral { friction, .. } => friction == 0.0,
@@ -66,8 +83,9 @@ impl ConstraintSolver for ConicQpConfig {
             if !view.blocks.iter().all(|block| linear(block.law.conic_form())) {
                 return Advance::Ended(SolveStatus::Unsupported);
             }
-            let solved = ConicProgram::new(view, &ws.local, deadline)
-                .and_then(|mut program| program.solve(view, &ws.local, &ws.delta, lambda));
+            // These laws are associated: no gap is corrected.
+            let until = Until { deadline, enough: 0.0 };
+            let solved = programs.prepare(view, &ws.local).and_then(|()| programs.solve(view, &[], until, lambda));
             match solved {
                 Ok(()) => view.gap(lambda, &mut ws.delta),
                 Err(status) => return Advance::Ended(status),

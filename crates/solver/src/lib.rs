@@ -8,6 +8,7 @@
 pub mod accelerated_gradient;
 mod active_block;
 mod active_system;
+mod anderson;
 pub mod automatic;
 pub mod comparison;
 mod complementarity;

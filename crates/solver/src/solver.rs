@@ -2,8 +2,8 @@
 
 use crate::accelerated_gradient::{AcceleratedGradientConfig, AcceleratedGradientWorkspace};
 use crate::automatic::{AutomaticConfig, AutomaticWorkspace};
-use crate::conic_friction::ConicFrictionConfig;
-use crate::conic_qp::ConicQpConfig;
+use crate::conic_friction::{ConicFrictionConfig, ConicFrictionWorkspace};
+use crate::conic_qp::{ConicQpConfig, ConicQpWorkspace};
 use crate::gauss_seidel::{GaussSeidelConfig, GaussSeidelWorkspace};
 use crate::lemke::{LemkeConfig, LemkeWorkspace};
 use crate::newton::{NewtonConfig, NewtonWorkspace};
@@ -29,8 +29,9 @@ pub trait ConstraintSolver: Copy + Default {
 
     /// Solves from the forces in `lambda` (N) and leaves the answer there: finite and admissible whatever the status.
     ///
-    /// Allocates nothing, with two exceptions: the cone programs (Clarabel's own memory), and Lemke on a law with more
-    /// facets than any before. On another thread than the one that made the workspace see [`warm_thread`].
+    /// Allocates nothing, with two exceptions: the first cone program of a structure (see [`crate::conic_friction`]), and Lemke
+    /// on a law with more facets than any before. On another thread than the one that made the workspace see
+    /// [`warm_thread`].
     fn solve_watched(
         &self,
         view: &ProblemView<'_>,
@@ -150,9 +151,9 @@ solvers! {
     /// Lemke's pivoting method on the linear complementarity problem with a faceted cone.
     Lemke(LemkeConfig, LemkeWorkspace),
     /// One quadratic program, for problems without friction (Clarabel).
-    ConicQp(ConicQpConfig, GaussSeidelWorkspace),
+    ConicQp(ConicQpConfig, ConicQpWorkspace),
     /// Second-order cone programs with De Saxcé's correction (Clarabel).
-    ConicFriction(ConicFrictionConfig, GaussSeidelWorkspace),
+    ConicFriction(ConicFrictionConfig, ConicFrictionWorkspace),
     /// Accelerated projected gradient with restart.
     AcceleratedGradient(AcceleratedGradientConfig, AcceleratedGradientWorkspace),
     /// The cheapest that solves the problem.

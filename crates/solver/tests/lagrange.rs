@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use palpate_constraints::law::{Bilateral, Coulomb, Law, Signorini, Tresca};
-use palpate_solver::lagrange::{LagrangeConfig, LagrangeProblem, gaps, solve};
+use palpate_solver::lagrange::{LagrangeConfig, LagrangeProblem, LagrangeWorkspace, gaps, solve};
 use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::report::SolveStatus;
 use palpate_solver::residual;
@@ -91,7 +91,7 @@ fn multipliers_are_the_forces_of_the_eliminated_problem() {
             };
             let (mut w, mut lambda) = (vec![0.0; A.nrows()], vec![0.0; problem.rows()]);
             let config = LagrangeConfig { tolerance: 1e-7, ..LagrangeConfig::default() };
-            let report = solve(&direct, &config, &mut w, &mut lambda);
+            let report = solve(&direct, &config, &mut w, &mut lambda, &mut LagrangeWorkspace::default());
             assert_eq!(report.status, SolveStatus::Solved, "{name}, {scale}: {report:?}");
 
             let solver = Solver::from_name("automatic").unwrap().limited(1e-10, None);
@@ -127,7 +127,7 @@ fn what_has_no_place_in_the_program_is_a_status() {
         let view = problem.view();
         let direct = LagrangeProblem { column_start: &column_start, row: &row, value, jacobian, dt: DT, view };
         let (mut w, mut lambda) = (vec![1.0; A.nrows()], vec![1.0; problem.rows()]);
-        let report = solve(&direct, &LagrangeConfig::default(), &mut w, &mut lambda);
+        let report = solve(&direct, &LagrangeConfig::default(), &mut w, &mut lambda, &mut LagrangeWorkspace::default());
         assert!(w.iter().chain(&lambda).all(|x| *x == 0.0), "{report:?}");
         report.status
     };

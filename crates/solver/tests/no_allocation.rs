@@ -1,4 +1,4 @@
-//! Once problem and workspace exist, filling and solving allocate nothing.
+//! Once problem and workspace exist, filling and solving allocate nothing; cone programs from the second of their structure on.
 
 mod half_space;
 
@@ -6,6 +6,7 @@ use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, vio
 use palpate_constraints::law::{Bilateral, Coulomb, Signorini};
 use palpate_solver::automatic::AutomaticConfig;
 use palpate_solver::gauss_seidel::{self, GaussSeidelConfig, SweepOrder};
+use palpate_solver::lagrange::{self, LagrangeConfig, LagrangeProblem, LagrangeWorkspace};
 use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::report::SolveStatus;
 use palpate_solver::residual;
@@ -33,7 +34,7 @@ fn filling_and_solving_allocate_nothing() {
     reset_violation_count();
 
     let swept = configs.map(Solver::GaussSeidel);
-    // Clarabel keeps its own memory; the automatic choice comes to it only where all else has failed.
+    // Cone programs are laid out as they are met; the automatic choice comes to them only where all else has failed.
     let named =
         Solver::NAMES.iter().filter(|name| !name.starts_with("conic")).filter_map(|name| Solver::from_name(name));
     for solver in swept.into_iter().chain(named) {
@@ -71,7 +72,7 @@ fn filling_and_solving_allocate_nothing() {
     }
 
     // On conflicting joints the automatic choice goes past Newton, whose factorisations are then singular, to Lemke,
-    // many sweeps and the gradient, each of which is looked at here. The cone programs after them allocate.
+    // many sweeps and the gradient, each of which is looked at here, and at last to cone programs.
     let mut conflict = ConstraintProblem::with_capacity(2);
     assert!(conflict.reset(2).is_ok());
     conflict.compliance_mut().fill(1.0);
@@ -86,6 +87,17 @@ fn filling_and_solving_allocate_nothing() {
         assert_eq!(violation_count(), 0, "{name}");
     }
 
+    let config = AutomaticConfig::default();
+    let mut ws = config.workspace(90);
+    let mut again = || {
+        lambda.fill(0.0);
+        config.solve_watched(&conflict.view(), &mut lambda[..2], &mut ws, &mut Watch::none()).iterations
+    };
+    let laid_out = again();
+    assert_eq!(assert_no_alloc(again), laid_out);
+    assert_eq!(violation_count(), 0);
+    assert_eq!(ws.attempts().last().map(|attempt| attempt.solver), Some("conic_friction"));
+
     // A problem that the first sweeps of the automatic choice do not solve: it goes on to Newton.
     let hard = half_space::pressed_sphere(30, 0.5, 8e-3, 1.5e-3);
     let config = AutomaticConfig::default().limited(1e-10, None);
@@ -96,6 +108,63 @@ fn filling_and_solving_allocate_nothing() {
     assert_eq!(violation_count(), 0);
 
     on_another_thread(&hard);
+    cone_programs();
+    multipliers();
+}
+
+/// Programs of several structures, each met once before, then with other numbers: no memory, and the bits of a new workspace.
+fn cone_programs() {
+    let cases = [("conic_friction", 0.3, 0.7), ("conic_friction", 0.9, 0.2), ("conic_qp", 0.0, 0.0)];
+    for (name, before, after) in cases {
+        let solver = Solver::from_name(name).unwrap().limited(1e-8, None);
+        let mut ws = solver.workspace(90);
+        let sizes = [1_usize, 30, 7, 12];
+        for contacts in sizes {
+            let problem = half_space::pressed_sphere(contacts, before, 1e-3, 1e-3);
+            let report = solver.solve(&problem.view(), &mut vec![0.0; 3 * contacts], &mut ws);
+            assert!(report.is_solved(), "{name}, {contacts}: {report:?}");
+        }
+        for contacts in sizes.into_iter().rev() {
+            let problem = half_space::pressed_sphere(contacts, after, 2e-3, 1.5e-3);
+            let (mut lambda, mut expected) = (vec![0.0; 3 * contacts], vec![0.0; 3 * contacts]);
+            let mut new = solver.workspace(90);
+            let fresh = solver.solve(&problem.view(), &mut expected, &mut new);
+            let report = assert_no_alloc(|| solver.solve(&problem.view(), &mut lambda, &mut ws));
+            assert_eq!(violation_count(), 0, "{name}, {contacts}");
+            assert!(report.is_solved() && report == fresh, "{name}, {contacts}: {report:?} {fresh:?}");
+            assert_eq!(lambda, expected, "{name}, {contacts}");
+        }
+    }
+}
+
+/// Multipliers over a body whose entries stay where they are: what was laid out in the first step serves the second.
+fn multipliers() {
+    let problem = half_space::pressed_sphere(10, 0.4, 2e-3, 1e-3);
+    let n = problem.rows();
+    // The body's matrix has the diagonal of what the compliance would be the inverse of.
+    let column_start: Vec<usize> = (0..=n).collect();
+    let row: Vec<usize> = (0..n).collect();
+    let jacobian: Vec<_> = (0..n).map(|r| (r, r, 1.0)).collect();
+    let config = LagrangeConfig { tolerance: 1e-8, ..LagrangeConfig::default() };
+    let mut ws = LagrangeWorkspace::default();
+    let (mut w, mut lambda) = (vec![0.0; n], vec![0.0; n]);
+    for heavier in [1.0, 3.0] {
+        let value: Vec<f64> = (0..n).map(|i| heavier * (1.0 + (i % 5) as f64)).collect();
+        let step = LagrangeProblem {
+            column_start: &column_start,
+            row: &row,
+            value: &value,
+            jacobian: &jacobian,
+            dt: 1.0 / 30.0,
+            view: problem.view(),
+        };
+        let fresh = lagrange::solve(&step, &config, &mut w, &mut lambda, &mut LagrangeWorkspace::default());
+        let expected = lambda.clone();
+        let mut again = || lagrange::solve(&step, &config, &mut w, &mut lambda, &mut ws);
+        let report = if heavier == 1.0 { again() } else { assert_no_alloc(again) };
+        assert_eq!(violation_count(), 0);
+        assert!(report.is_solved() && report == fresh && lambda == expected, "{report:?} {fresh:?}");
+    }
 }
 
 /// A workspace made here and used elsewhere: its thread is warmed, and then the factorisations of Newton, which conflicting

@@ -200,30 +200,22 @@ fn the_automatic_choice_solves_every_file() {
     }
 }
 
-/// Cone programs, and the sweeps after them, on all files with friction of up to thirty contacts.
+/// Cone programs, accelerated, and the sweeps after them, on all files with friction.
 #[test]
 fn conic_friction_reaches_what_interior_points_alone_do_not() {
     let Some(folder) = shared("friction") else { return };
-    let (mut solved, mut all) = (0, 0);
     for path in data_files(&folder) {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         let problem = problem_file::open(&path).unwrap();
-        if problem.rows() > 90 {
-            continue;
-        }
         let solver = ConicFrictionConfig::default().limited(1e-8, None);
         let mut lambda = vec![0.0; problem.rows()];
         let mut ws = solver.workspace(problem.rows());
         let report = solver.solve_watched(&problem.view(), &mut lambda, &mut ws, &mut Watch::none());
         println!("{name:<36} {:?} after {}, {:.1e}", report.status, report.iterations, report.residual);
-        all += 1;
-        solved += usize::from(report.is_solved());
-        if !name.starts_with("OneObject") {
-            assert!(report.is_solved(), "{name}: {report:?}");
-        }
+        assert!(report.is_solved(), "{name}: {report:?}");
+        // The plain fixed point takes hundreds of programs on `OneObject-i100000`, and is stopped by their rounding before.
+        assert!(!name.starts_with("OneObject-i100000") || report.iterations < 50, "{name}: {report:?}");
     }
-    assert_eq!(all, 10);
-    println!("{solved} of {all}");
 }
 
 /// Lemke on its own ground, and on friction of up to 20 contacts.

@@ -1,7 +1,8 @@
-//! Contact by Lagrange multipliers over the whole body; see [`palpate_solver::lagrange`]. It allocates.
+//! Contact by Lagrange multipliers over the whole body; see [`palpate_solver::lagrange`]. It allocates where the
+//! contacts touch other nodes than in the step before.
 
 use palpate_fem::sparse::SystemMatrix;
-use palpate_solver::lagrange::{LagrangeConfig, LagrangeProblem, solve};
+use palpate_solver::lagrange::{LagrangeConfig, LagrangeProblem, LagrangeWorkspace, solve};
 use palpate_solver::report::SolveReport;
 
 use super::StepWorkspace;
@@ -16,6 +17,7 @@ pub(super) struct LagrangeStage {
     /// Place of each entry in the system matrix: block, row, column.
     source: Vec<(usize, usize, usize)>,
     jacobian: Vec<(usize, usize, f64)>,
+    program: LagrangeWorkspace,
 }
 
 impl LagrangeStage {
@@ -36,7 +38,14 @@ impl LagrangeStage {
                 column_start.push(row.len());
             }
         }
-        Self { value: vec![0.0; row.len()], column_start, row, source, jacobian: Vec::new() }
+        Self {
+            value: vec![0.0; row.len()],
+            column_start,
+            row,
+            source,
+            jacobian: Vec::new(),
+            program: LagrangeWorkspace::default(),
+        }
     }
 }
 
@@ -64,5 +73,5 @@ pub(super) fn lagrange(ws: &mut StepWorkspace) -> SolveReport {
         view: ws.problem.view(),
     };
     let config = LagrangeConfig { tolerance: limits.0, max_programs: limits.1 };
-    solve(&problem, &config, motion, &mut ws.lambda[..m])
+    solve(&problem, &config, motion, &mut ws.lambda[..m], &mut stage.program)
 }
