@@ -9,7 +9,7 @@ use nalgebra::Isometry3;
 use palpate::constraints::compliance::{ComplianceMethod, MotionCorrection};
 use palpate::prelude::*;
 use palpate::replay::replay;
-use palpate::scene::Refactor;
+use palpate::scene::{ContactMethod, Refactor};
 use palpate::step::StepReport;
 use palpate::world::{CALM_STEPS, LOWER_SHARE, Rung};
 
@@ -112,6 +112,29 @@ fn a_run_climbs_also_where_the_correction_does_not_tell_the_error() {
         missed += usize::from(misses);
     }
     assert!(missed > 0 && all.iter().map(rung).max() >= Some(Rung::Early), "{missed}");
+}
+
+/// The direct approaches find their forces without compliance: no rung of the ladder would make them nearer.
+#[test]
+fn an_accuracy_is_refused_where_contact_forces_come_from_no_compliance() {
+    for (method, nearer) in [(ContactMethod::Penalty, "stiffer `penalty`"), (ContactMethod::Lagrange, "`tolerance`")] {
+        for compliance in [ComplianceMethod::Automatic, ComplianceMethod::Exact] {
+            let edit = |accuracy| {
+                block::scene(|_| ())
+                    .edit(|scene| {
+                        scene.contact.method = method;
+                        (scene.bodies[0].compliance, scene.bodies[0].accuracy) = (compliance, accuracy);
+                    })
+                    .map_err(|e| e.to_string())
+            };
+            let refused = edit(Some(ACCURACY)).unwrap_err();
+            let key = format!("accuracy = {ACCURACY} has no effect");
+            for words in [&key, method.name(), "method = \"compliance\"", nearer] {
+                assert!(refused.contains(words), "{words}: {refused}");
+            }
+            edit(None).unwrap();
+        }
+    }
 }
 
 #[test]

@@ -101,3 +101,54 @@ fn solves_that_do_not_converge_are_told() {
     assert_eq!(flagged, told.corrections);
     assert!(trace.log.iter().any(|line| line.message().contains("ended without convergence")));
 }
+
+/// Few iterations for a comparison with a factor of the undeformed block: those that end without convergence are told in the
+/// report, the trace, the table, the summary and a note with a remedy, and give no error.
+#[test]
+fn comparisons_that_do_not_converge_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("compared.mcap");
+    let compared = |share: f64| {
+        world(|scene| {
+            // 18 mm deep, by the factor of the block at rest.
+            (1..3).for_each(|k| scene.hand.path[k].position[2] = block::SKIN + block::RADIUS - 0.018);
+            let body = &mut scene.bodies[0];
+            (body.compliance, body.error_sampling) = (ComplianceMethod::Warped, share);
+        })
+    };
+    let share = 6.5 * compared(1.0).plan().sampling.iteration * compared(1.0).description().rates.step;
+    let world = compared(share);
+    assert_eq!((world.plan().sampling.every, world.plan().sampling.iterations), (1, 6));
+    let options = RunOptions {
+        length: Length::Seconds(1.2),
+        lockstep: true,
+        threads: Some(1),
+        trace: Some(path.clone()),
+        ..RunOptions::default()
+    };
+    let (outcome, recorder) = record(&world, &options);
+    let told = outcome.summary.unconverged;
+    let failed: Vec<_> = recorder.steps.iter().filter(|r| r.error.sample_unconverged).collect();
+    let measured = recorder.steps.iter().filter(|r| !r.error.sampled.is_nan()).count();
+    println!("{} failed, {measured} measured: {told:?}\n{:?}", failed.len(), outcome.summary.notes);
+    assert!(failed.len() > 5 && measured > 0 && told.comparisons == failed.len() as u64);
+    assert!(failed.iter().all(|r| r.error.sampled.is_nan() && r.error.sample_residual > 1e-6));
+    assert!(
+        (told.comparison_residual - failed.iter().map(|r| r.error.sample_residual).fold(0.0, f64::max)).abs() == 0.0
+    );
+    let column = StepReport::COLUMNS.iter().position(|name| *name == "sample_unconverged").unwrap();
+    assert!(recorder.steps.iter().all(|r| (r.row()[column] == 1.0) == r.error.sample_unconverged));
+    let note = outcome.summary.notes.iter().find(|note| note.contains("the error there is not known")).unwrap();
+    for words in [&format!("{} comparisons", failed.len()), "at most 6 iterations", "error_sampling above", "\"async\""]
+    {
+        assert!(note.contains(words), "{words}: {note}");
+    }
+    let trace = Trace::load(&path).unwrap();
+    let flagged = trace.steps.iter().filter(|s| s.flags.contains(StepFlags::SAMPLE_UNCONVERGED)).count();
+    assert_eq!(flagged, failed.len());
+
+    // As many iterations as it takes: nothing to tell.
+    let (outcome, _) = record(&compared(100.0), &RunOptions { trace: None, ..options });
+    assert_eq!(outcome.summary.unconverged.comparisons, 0);
+    assert!(!outcome.summary.notes.iter().any(|note| note.contains("comparison")), "{:?}", outcome.summary.notes);
+}

@@ -1,13 +1,19 @@
 //! The summary of a run as a table.
 
 use comfy_table::{Cell, CellAlignment, Table, presets};
+use palpate::counted::counted;
 use palpate::summary::{ForceCounts, Percentiles, RunSummary};
 
 /// The summary as text.
 pub(crate) fn summary(s: &RunSummary) -> String {
     let mut lines = vec![format!(
-        "{} ({}, {} nodes, {} tetrahedra): {:.2} s, {}",
-        s.scene, s.mode, s.nodes, s.tetrahedra, s.simulated, s.end
+        "{} ({}, {} nodes, {}): {:.2} s, {}",
+        s.scene,
+        s.mode,
+        s.nodes,
+        counted(s.tetrahedra, "tetrahedron", "tetrahedra"),
+        s.simulated,
+        s.end
     )];
     lines.push(format!(
         "integrator: {}; contact by {}; law {}; tick: {}",
@@ -27,8 +33,8 @@ pub(crate) fn summary(s: &RunSummary) -> String {
     if let Some(trace) = &s.trace {
         let trouble = trace.error.as_deref().map(|e| format!("; {e}")).unwrap_or_default();
         lines.push(format!(
-            "trace: {} messages, {:.1} kB, {} dropped{trouble}",
-            trace.messages,
+            "trace: {}, {:.1} kB, {} dropped{trouble}",
+            counted(trace.messages, "message", "messages"),
             trace.bytes as f64 / 1e3,
             trace.dropped
         ));
@@ -131,10 +137,17 @@ fn facts(s: &RunSummary) -> Table {
     ]);
     let u = &s.unconverged;
     table.add_row([
-        "steps without convergence: free motion / correction (worst residual); factored to go on".to_string(),
+        "steps without convergence: free motion / correction / comparison (worst residual); factored to go on"
+            .to_string(),
         format!(
-            "{} ({:.1e}) / {} ({:.1e}); {}",
-            u.free_motions, u.free_motion_residual, u.corrections, u.correction_residual, u.rescued
+            "{} ({:.1e}) / {} ({:.1e}) / {} ({:.1e}); {}",
+            u.free_motions,
+            u.free_motion_residual,
+            u.corrections,
+            u.correction_residual,
+            u.comparisons,
+            u.comparison_residual,
+            u.rescued
         ),
     ]);
     if u.without_contact > 0 {

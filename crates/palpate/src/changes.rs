@@ -6,6 +6,7 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 
 use serde::{Deserialize, Serialize};
 
+use crate::counted::counted;
 use crate::step::{FactorFit, Prepared, StepState, StepWorkspace};
 use crate::world::{ChangeError, ChangeMaker, ChangeRequest, World};
 
@@ -29,13 +30,13 @@ impl fmt::Display for EventRecord {
         write!(f, "{:.3} s: {}; ", self.time, self.event)?;
         match self.factor {
             FactorFit::Own => write!(f, "factored in the step"),
-            FactorFit::Updated => write!(f, "factor updated in {} nodes", self.touched),
+            FactorFit::Updated => write!(f, "factor updated in {}", counted(self.touched, "node", "nodes")),
             FactorFit::Renewed => write!(f, "the factor could not follow, factored anew in the step"),
             FactorFit::Outdated => {
                 write!(f, "the factor could not follow and the step's own matrix could not be factored: no contact")
             }
         }?;
-        write!(f, ", {} iterations", self.iterations)
+        write!(f, ", {}", counted(self.iterations, "iteration", "iterations"))
     }
 }
 

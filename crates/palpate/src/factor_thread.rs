@@ -85,41 +85,15 @@ fn reason(panic: &(dyn Any + Send)) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
 
     use super::*;
     use crate::engine::{Engine, workers};
     use crate::replay::replay;
     use crate::run::{Length, Observer, RunOptions};
-    use crate::scene::Scene;
+    use crate::slide::slide;
     use crate::step::StepReport;
     use crate::summary::RunEnd;
     use crate::tick::TickReport;
-
-    /// A ball that presses a block and slides over it until the end.
-    const SLIDE: &str = r#"
-        name = "slide"
-        [[body]]
-        name = "block"
-        block = { min = [0, 0, 0], max = [0.04, 0.04, 0.04], cells = [3, 3, 3] }
-        compliance = "async"
-        rayleigh_stiffness = 0.005
-        material = { law = "neo_hookean", young = 5e3, poisson = 0.4 }
-        fixed = [{ below = { axis = "z", at = 0.0 } }]
-        [[tool]]
-        name = "ball"
-        shape = { kind = "sphere", radius = 0.008 }
-        [contact]
-        at = "faces"
-        friction = 0.3
-        [hand]
-        preset = "firm"
-        path = [
-            { time = 0.0, position = [0.015, 0.02, 0.05] },
-            { time = 0.4, position = [0.015, 0.02, 0.044] },
-            { time = 1.0, position = [0.025, 0.02, 0.044] },
-        ]
-    "#;
 
     #[derive(Default)]
     struct Seen(Vec<StepReport>, Vec<TickReport>);
@@ -139,7 +113,7 @@ mod tests {
         const LAST: u64 = 2;
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("death.mcap");
-        let world = Scene::from_toml(SLIDE, Path::new("")).unwrap().build().unwrap();
+        let world = slide(1.0);
         let options = RunOptions { length: Length::Seconds(1.2), trace: Some(path.clone()), ..RunOptions::default() };
         let pool = workers(Some(1)).unwrap();
         let mut engine = pool.install(|| Engine::new(&world, &options)).unwrap();

@@ -9,6 +9,7 @@ use palpate_constraints::compliance::ComplianceMethod;
 use palpate_haptics::device::DeviceError;
 
 use crate::changes::TakenChange;
+use crate::counted::counted;
 use crate::factor_thread::FactorThreadDeath;
 use crate::refresh::RefreshReport;
 use crate::run::{Observer, Progress};
@@ -270,8 +271,8 @@ impl Gathering {
     /// What there is to say about a device that did not answer.
     pub(crate) fn device_note(&self) -> Option<String> {
         let (time, error) = self.first_unanswered?;
-        let ticks = self.unanswered;
-        Some(format!("no force in {ticks} ticks, the first at {time:.3} s: {error}"))
+        let ticks = counted(self.unanswered, "tick", "ticks");
+        Some(format!("no force in {ticks}, the first at {time:.3} s: {error}"))
     }
 
     /// Steps, factors and ticks so far.

@@ -16,6 +16,7 @@
 //! ```
 
 pub mod changes;
+pub mod counted;
 pub mod devices;
 mod drawn;
 mod engine;
@@ -37,6 +38,8 @@ pub mod scene;
 pub mod session;
 pub mod settle;
 pub mod simulation;
+#[cfg(test)]
+mod slide;
 pub mod step;
 pub mod summary;
 pub mod tick;

@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::problem_file::{self, Forces};
 
+use crate::counted::counted;
+
 /// The folder they go to, and how that went.
 pub(crate) struct ProblemFiles {
     folder: PathBuf,
@@ -49,7 +51,8 @@ impl ProblemFiles {
 
     /// What the summary says.
     pub(crate) fn note(&self) -> String {
-        let saved = format!("{} contact problems saved in {}", self.saved, self.folder.display());
+        let count = counted(self.saved, "contact problem", "contact problems");
+        let saved = format!("{count} saved in {}", self.folder.display());
         match &self.trouble {
             Some(trouble) => format!("{saved}; the rest is lost: {trouble}"),
             None => saved,

@@ -3,6 +3,8 @@
 use palpate_fem::pcg::PcgStatus;
 use serde::Serialize;
 
+use crate::counted::counted;
+use crate::scene::Readable;
 use crate::step::StepReport;
 use crate::world::{Integration, World};
 
@@ -17,6 +19,10 @@ pub struct Unconverged {
     pub corrections: u64,
     /// Worst residual of these.
     pub correction_residual: f64,
+    /// Comparisons of a column of the compliance that ended without convergence: they tell no error.
+    pub comparisons: u64,
+    /// Worst residual of these.
+    pub comparison_residual: f64,
     /// Steps that factored their own matrix to go on, after iterations that did not converge.
     pub rescued: u64,
     /// Steps with contacts whose forces were left out for want of a compliance.
@@ -36,6 +42,10 @@ impl Unconverged {
             self.corrections += 1;
             self.correction_residual = self.correction_residual.max(report.error.correction_residual);
         }
+        if report.error.sample_unconverged {
+            self.comparisons += 1;
+            self.comparison_residual = self.comparison_residual.max(report.error.sample_residual);
+        }
         self.rescued += u64::from(report.rescued);
         if report.rows.rows > 0 && !report.compliance.usable {
             self.without_contact += 1;
@@ -51,7 +61,8 @@ impl Unconverged {
             let body = &world.description().bodies[0];
             let remedy = match world.integration() {
                 Integration::Newton(config) => {
-                    format!("give `newton` more than {} iterations or take a smaller step", config.iterations)
+                    let most = counted(config.iterations, "iteration", "iterations");
+                    format!("give `newton` more than {most} or take a smaller step")
                 }
                 _ => format!(
                     "give the body more than max_iterations = {} a step, a higher rates.factor, a smaller step, or \
@@ -60,18 +71,46 @@ impl Unconverged {
                 ),
             };
             notes.push(format!(
-                "body {}: the free motion of {motions} steps and the correction of {corrections} ended without convergence, \
+                "body {}: the free motion of {} and the correction of {corrections} ended without convergence, \
                  with residuals up to {:.1e} and {:.1e}: motion and forces of these steps are wrong by about as much; {remedy}",
-                body.name, self.free_motion_residual, self.correction_residual
+                body.name,
+                counted(motions, "step", "steps"),
+                self.free_motion_residual,
+                self.correction_residual
             ));
         }
+        notes.extend(self.comparison_note(world));
         if let Some(first) = self.first_without {
             notes.push(format!(
-                "{} steps went on without contact, the first at {first:.3} s: the matrix of the body could not be factored, \
+                "{} went on without contact, the first at {first:.3} s: the matrix of the body could not be factored, \
                  or gave no compliance; try a smaller step, a softer press or a finer mesh",
-                self.without_contact
+                counted(self.without_contact, "step", "steps")
             ));
         }
         notes
+    }
+
+    /// What there is to say of comparisons of a column that did not converge.
+    fn comparison_note(&self, world: &World) -> Option<String> {
+        let (plan, body) = (world.plan().sampling, &world.description().bodies[0]);
+        let share = Readable(body.error_sampling);
+        let younger = match world.plan().has_factor_thread() {
+            true => "a higher rates.factor for a younger factor",
+            false => "compliance = \"async\" for a younger factor",
+        };
+        let longer = match plan.is_limited() {
+            true => format!("error_sampling above {share} for longer ones, or "),
+            false => String::new(),
+        };
+        (self.comparisons > 0).then(|| {
+            format!(
+                "body {}: {} of a column of the compliance ended without convergence in at most {}, with residuals up to \
+                 {:.1e}: the error there is not known; give the body {longer}{younger}",
+                body.name,
+                counted(self.comparisons, "comparison", "comparisons"),
+                counted(plan.iterations, "iteration", "iterations"),
+                self.comparison_residual
+            )
+        })
     }
 }

@@ -6,6 +6,7 @@ use comfy_table::{Cell, CellAlignment, Table, presets};
 use miette::{Report, Result};
 use nalgebra::Matrix3;
 use palpate::constraints::compliance::{ComplianceMethod, MotionCorrection};
+use palpate::counted::counted;
 use palpate::fem::factor::{
     ChangeStatus, Factor, FactorStatus, MatrixChange, SolveWorkspace, SymbolicFactor, UpdateStatus,
 };
@@ -73,11 +74,12 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
     if !bodies.is_empty() {
         let capacity = world.contact_capacity();
         say(format_args!(
-            "{} fixed and {} rigid bodies, {} pairs that can touch besides tool and tissue: at most {capacity} contacts, a \
+            "{} fixed and {}, {} touch besides tool and tissue: at most {}, a \
              compliance of {:.1} MB; A⁻¹ of a rigid body is direct",
             bodies.fixed.len(),
-            bodies.rigid.len(),
-            bodies.pairs.len(),
+            counted(bodies.rigid.len(), "rigid body", "rigid bodies"),
+            counted(bodies.pairs.len(), "pair that can", "pairs that can"),
+            counted(capacity, "contact", "contacts"),
             8e-6 * (3 * capacity).pow(2) as f64,
         ))?;
     }
@@ -101,7 +103,10 @@ fn error(plan: &Plan) -> String {
         _ => {
             let when = if every == 1 { "every step".to_string() } else { format!("every {every} steps") };
             let most = 1e3 * iterations as f64 * iteration;
-            format!("one column is compared in {when}, within {iterations} iterations: {most:.2} ms predicted")
+            format!(
+                "one column is compared in {when}, within {}: {most:.2} ms predicted",
+                counted(iterations, "iteration", "iterations")
+            )
         }
     };
     format!("{along}; {column}")

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use miette::{Report, Result};
+use palpate::counted::counted;
 use palpate::replay::replay as replay_trace;
 
 use crate::exit;
@@ -12,18 +13,24 @@ pub(crate) fn replay(trace: &Path) -> Result<u8> {
     let report = replay_trace(trace).map_err(|e| Report::msg(e.to_string()))?;
     let path = trace.display();
     if let Some(damage) = &report.damage {
-        eprintln!("warning: {path}: {damage}; its {} ticks before that are replayed", report.ticks);
+        eprintln!(
+            "warning: {path}: {damage}; its {} replayed",
+            counted(report.ticks, "tick before that is", "ticks before that are")
+        );
     }
     if report.is_identical() {
-        say(format_args!("{path}: {} ticks, every force, torque and pose the same to the bit", report.ticks))?;
+        say(format_args!(
+            "{path}: {}, every force, torque and pose the same to the bit",
+            counted(report.ticks, "tick", "ticks")
+        ))?;
         return Ok(0);
     }
     if let Some(step) = report.first_body_difference {
         say(format_args!("{path}: a rigid body is elsewhere after step {step}"))?;
     }
     say(format_args!(
-        "{path}: {} ticks, {} unmatched; first difference at tick {}, largest difference {:.3e} N",
-        report.ticks,
+        "{path}: {}, {} unmatched; first difference at tick {}, largest difference {:.3e} N",
+        counted(report.ticks, "tick", "ticks"),
         report.unmatched,
         report.first_difference.map_or("none".into(), |t| t.to_string()),
         report.largest_difference

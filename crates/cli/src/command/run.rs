@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Report, Result, miette};
+use palpate::counted::counted;
 use palpate::export::write_state;
 use palpate::problem_files::saved_in;
 use palpate::run::{Length, Observer, Progress, RunOptions, RunOutcome, run as run_scene};
@@ -81,8 +82,8 @@ fn clear_problems(folder: &Path, force: bool) -> Result<()> {
             let folder = folder.display();
             Err(miette!(
                 help = help,
-                "--save-problems {folder}: holds {} problems of an earlier run: {name}",
-                earlier.len()
+                "--save-problems {folder}: holds {} of an earlier run: {name}",
+                counted(earlier.len(), "problem", "problems")
             ))
         }
         _ => earlier.iter().try_for_each(|file| {

@@ -1,6 +1,7 @@
 //! The end of a run: what was gathered, summed up.
 
 use super::Gathering;
+use crate::counted::counted;
 use crate::record::TraceOutcome;
 use crate::step::Tangle;
 use crate::summary::RunSummary;
@@ -91,9 +92,11 @@ impl Gathering {
     fn tangle_note(&self) -> Option<String> {
         let (since, Tangle { edges, winding, place }) = self.tangle?;
         Some(format!(
-            "body {} ends tangled, as it has been since {since:.3} s: it passed through itself, and {edges} of its inner edges \
-             are not wound round once, the worst {winding} times, {}; try a softer press, a smaller step or a finer mesh",
+            "body {} ends tangled, as it has been since {since:.3} s: it passed through itself, and {} not \
+             wound round once, the worst {}, {}; try a softer press, a smaller step or a finer mesh",
             self.body,
+            counted(edges, "of its inner edges is", "of its inner edges are"),
+            counted(winding, "time", "times"),
             self.name(place)
         ))
     }

@@ -2,6 +2,7 @@
 
 use palpate_solver::report::{SolveReport, SolveStatus};
 
+use crate::counted::counted;
 use crate::scene::{ContactMethod, SceneDescription};
 use crate::step::StepReport;
 
@@ -39,10 +40,7 @@ impl Unsolved {
     /// What there is to say of them: how many, the first, why, and what helps.
     pub(super) fn note(&self, scene: &SceneDescription) -> Option<String> {
         let First { step, time, solve, solver, usable } = self.first?;
-        let steps = match self.steps {
-            1 => "1 step was".to_string(),
-            more => format!("{more} steps were"),
-        };
+        let steps = counted(self.steps, "step was", "steps were");
         let (tolerance, worst) = (scene.solver.tolerance, self.worst);
         let begin = format!("the contact forces of {steps} not solved to {tolerance:e}");
         if !usable {

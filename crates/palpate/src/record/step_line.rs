@@ -35,6 +35,7 @@ impl StepLine {
         flags.set(trace::StepFlags::SOLVED_IN_FULL, report.in_full > 0);
         flags.set(trace::StepFlags::CORRECTION_UNCONVERGED, report.error.correction_unconverged);
         flags.set(trace::StepFlags::RESCUED, report.rescued);
+        flags.set(trace::StepFlags::SAMPLE_UNCONVERGED, report.error.sample_unconverged);
         line.push(trace::StepRecord {
             step: report.step,
             time_ns,

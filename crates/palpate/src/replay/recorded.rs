@@ -162,39 +162,14 @@ mod tests {
 
     use crate::replay::{ReplayError, replay};
     use crate::run::{Length, RunOptions, Unobserved, run};
-    use crate::scene::Scene;
+    use crate::slide::slide;
     use palpate_trace::{Trace, TraceConfig, TraceWriter};
-
-    /// A ball on a virtual device that is pressed into a block and slides along it.
-    const SLIDE: &str = r#"
-        name = "slide"
-        [[body]]
-        name = "block"
-        block = { min = [0, 0, 0], max = [0.04, 0.04, 0.04], cells = [3, 3, 3] }
-        compliance = "async"
-        rayleigh_stiffness = 0.005
-        material = { law = "neo_hookean", young = 5e3, poisson = 0.4 }
-        fixed = [{ below = { axis = "z", at = 0.0 } }]
-        [[tool]]
-        name = "ball"
-        shape = { kind = "sphere", radius = 0.008 }
-        [contact]
-        at = "faces"
-        friction = 0.3
-        [hand]
-        preset = "firm"
-        path = [
-            { time = 0.0, position = [0.015, 0.02, 0.05] },
-            { time = 0.4, position = [0.015, 0.02, 0.044] },
-            { time = 0.8, position = [0.025, 0.02, 0.044] },
-        ]
-    "#;
 
     #[test]
     fn a_run_in_real_time_replays_to_the_bit_and_notices_one_changed_bit() {
         let folder = tempfile::tempdir().unwrap();
         let (path, copy) = (folder.path().join("run.mcap"), folder.path().join("copy.mcap"));
-        let world = Scene::from_toml(SLIDE, std::path::Path::new("")).unwrap().build().unwrap();
+        let world = slide(0.8);
         let options = RunOptions { length: Length::Seconds(0.9), trace: Some(path.clone()), ..RunOptions::default() };
         let outcome = run(&world, &options, &AtomicBool::new(false), &mut Unobserved).unwrap();
         assert!(outcome.summary.largest_force > 0.1, "{} N", outcome.summary.largest_force);

@@ -17,8 +17,8 @@ use crate::world::World;
 /// Relative residual at which a compared column counts as exact.
 const SAMPLE_TOLERANCE: f64 = 1e-6;
 
-/// Compares one column of a `W` that is not exact with the exact one, where it is time for that. Says nothing where the
-/// iterations that the plan grants do not suffice.
+/// Compares one column of a `W` that is not exact with the exact one, where it is time for that. Where the iterations that
+/// the plan grants do not suffice no error is known, and the report says so.
 pub(super) fn sample(world: &World, factor: &FactorSample, ws: &mut StepWorkspace, report: &mut StepReport) {
     let (m, plan) = (ws.rows.len(), world.plan().sampling);
     let measurable = report.compliance.usable && report.status == StepStatus::Advanced;
@@ -37,7 +37,9 @@ pub(super) fn sample(world: &World, factor: &FactorSample, ws: &mut StepWorkspac
     let config = PcgConfig { relative_tolerance: SAMPLE_TOLERANCE, max_iterations: plan.iterations };
     let mut preconditioner = StepPreconditioner::new(None, factor, &ws.rotations, &mut ws.solve);
     let solve = pcg(&ws.fem.system, &ws.load, &mut ws.sample, &mut preconditioner, config, &mut ws.pcg);
+    report.error.sample_residual = solve.relative_residual;
     if solve.status != PcgStatus::Converged {
+        report.error.sample_unconverged = true;
         return;
     }
     let w = ws.problem.view().column(row);

@@ -12,6 +12,10 @@ pub struct ComplianceError {
     pub sampled: f64,
     /// Row whose column was compared.
     pub sampled_row: u32,
+    /// Whether the comparison of a column ended without convergence, so that it says nothing.
+    pub sample_unconverged: bool,
+    /// Relative residual that it left; 0 where there was none.
+    pub sample_residual: f64,
     /// Iterations of the exact correction.
     pub correction_iterations: u32,
     /// Relative residual that the last solve of the exact correction left; 0 where there was none.
@@ -32,6 +36,8 @@ impl ComplianceError {
         along_forces: f64::NAN,
         sampled: f64::NAN,
         sampled_row: 0,
+        sample_unconverged: false,
+        sample_residual: 0.0,
         correction_iterations: 0,
         correction_residual: 0.0,
         correction_unconverged: false,

@@ -21,7 +21,7 @@ use crate::world::World;
 /// Scratch of the method that the scene chose.
 pub(super) enum DirectMethod {
     /// Lagrange multipliers.
-    Lagrange(LagrangeStage),
+    Lagrange(Box<LagrangeStage>),
     /// Springs and dampers.
     Penalty(Box<PenaltyStage>),
 }
@@ -45,7 +45,7 @@ impl DirectStage {
         let contacts = world.detection().max_contacts;
         let method = match world.description().contact.method {
             ContactMethod::Compliance => return None,
-            ContactMethod::Lagrange => DirectMethod::Lagrange(LagrangeStage::new(system)),
+            ContactMethod::Lagrange => DirectMethod::Lagrange(Box::new(LagrangeStage::new(system))),
             ContactMethod::Penalty => DirectMethod::Penalty(Box::new(PenaltyStage::new(system, contacts))),
         };
         let zeros = vec![0.0; 3 * world.model().free_nodes()];

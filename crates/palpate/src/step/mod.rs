@@ -100,7 +100,7 @@ pub struct StepInput<'a> {
 /// Advances the body by one step and fills the snapshot for the tick. Where the scene has events, [`pass_events`] comes
 /// first.
 ///
-/// Allocates nothing, whatever happens, unless contact is by Lagrange multipliers. A body that turns non-finite or is torn
+/// Allocates nothing, whatever happens, unless contact is by Lagrange multipliers at other nodes than before. A body that turns non-finite or is torn
 /// apart is put back to the state before the step, at rest, and the report and the snapshot say so.
 pub fn step(
     world: &World,

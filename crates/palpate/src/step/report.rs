@@ -195,7 +195,7 @@ impl StepReport {
     }
 
     /// Names and units of [`StepReport::row`].
-    pub const COLUMNS: [&'static str; 41] = [
+    pub const COLUMNS: [&'static str; 42] = [
         "step",
         "time_s",
         "tool_x_m",
@@ -226,6 +226,7 @@ impl StepReport {
         "factor_age_s",
         "compliance_error_along_forces",
         "compliance_error_sampled",
+        "sample_unconverged",
         "compliance_error_of_lower_rung",
         "rung",
         "correction_iterations",
@@ -240,7 +241,7 @@ impl StepReport {
     ];
 
     /// The report as one row of a table.
-    pub fn row(&self) -> [f64; 41] {
+    pub fn row(&self) -> [f64; 42] {
         let p = self.tool.frame.translation.vector;
         let r = self.tool.frame.rotation;
         [
@@ -274,6 +275,7 @@ impl StepReport {
             self.factor_age,
             self.error.along_forces,
             self.error.sampled,
+            f64::from(u8::from(self.error.sample_unconverged)),
             self.error.lower,
             self.rung.map_or(f64::NAN, |rung| f64::from(rung as u8)),
             f64::from(self.error.correction_iterations),

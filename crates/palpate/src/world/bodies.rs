@@ -9,6 +9,7 @@ use palpate_fem::closed_surface::ClosedSurface;
 use palpate_rigid::{Moments, RigidModel, RigidState};
 
 use super::pairs::{Pair, obstacles, pairs};
+use crate::counted::counted;
 use crate::scene::{ContactDescription, Scene, SceneError, SceneFile, SolidShape};
 
 /// A body that never moves.
@@ -127,7 +128,8 @@ impl Bodies {
 impl fmt::Display for Bodies {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let contacts = |contact: &ContactDescription| {
-            format!("{}, at most {} contacts with another body", contact.law_in_words(), contact.max_contacts)
+            let most = counted(contact.max_contacts, "contact", "contacts");
+            format!("{}, at most {most} with another body", contact.law_in_words())
         };
         for body in &self.fixed {
             let [x, y, z]: [f64; 3] = body.pose.translation.vector.into();

@@ -3,6 +3,7 @@
 use palpate_fem::mesh::TetMesh;
 
 use super::selection::{elements_in, nodes_in};
+use crate::counted::counted;
 use crate::scene::{EventDescription, NodeSelection, Scene, SceneError};
 
 /// The body between two events.
@@ -72,7 +73,7 @@ pub(super) fn advance(
         if count == 0 {
             return Err(scene.at(&place, message, remedy));
         }
-        done.push(format!("{count} nodes {}", if hold { "held" } else { "released" }));
+        done.push(format!("{} {}", counted(count, "node", "nodes"), if hold { "held" } else { "released" }));
     }
     if let Some(selection) = parts.remove {
         let place = format!("{place}.remove");
@@ -85,7 +86,7 @@ pub(super) fn advance(
         if gone.iter().all(|&gone| gone) {
             return Err(scene.at(&place, "this removes the last element of the body", "leave some"));
         }
-        done.push(format!("{count} elements removed"));
+        done.push(format!("{} removed", counted(count, "element", "elements")));
     }
     let left: Vec<u32> = (0..gone.len()).filter(|&t| !gone[t]).map(|t| t as u32).collect();
     let moves = |t: &u32| mesh.tetrahedra[*t as usize].iter().any(|&n| !held[n as usize]);

@@ -3,6 +3,7 @@
 use palpate_haptics::coupling::{BoundGrounds, CouplingConfig, LIGHT_GRIP, MARGIN, StiffnessBound, stiffness_bound};
 
 use super::World;
+use crate::counted::counted;
 use crate::devices;
 use crate::scene::{SceneDescription, TickDescription, TickMethod};
 
@@ -117,7 +118,7 @@ impl World {
                     true => format!("hand-over {milliseconds} ms"),
                     false => "each step's shape at once".into(),
                 };
-                format!("local ({} nodes at most, {hand_over})", tick.patch_nodes)
+                format!("local ({} at most, {hand_over})", counted(tick.patch_nodes, "node", "nodes"))
             }
             TickMethod::Frozen => "frozen rows".into(),
         }

@@ -9,6 +9,7 @@ use palpate_fem::integrator::explicit::{check_mass, check_step};
 use palpate_fem::integrator::newton::NewtonConfig;
 use palpate_fem::model::FemModel;
 
+use crate::counted::counted;
 use crate::scene::{IntegratorKind, Scene, SceneError};
 
 /// Share of the critical step at rest that explicit substeps keep to by default: tissue that is squeezed to three
@@ -55,7 +56,11 @@ impl Integration {
                 let critical = critical_step(model, &model.rest_state(), symbolic);
                 let substeps = explicit.substeps.unwrap_or_else(|| critical.substeps(dt, EXPLICIT_SAFETY));
                 if substeps > crate::scene::MOST_SUBSTEPS {
-                    let message = format!("the critical step of {:.3e} s needs {substeps} substeps", critical.step);
+                    let message = format!(
+                        "the critical step of {:.3e} s needs {}",
+                        critical.step,
+                        counted(substeps, "substep", "substeps")
+                    );
                     return Err(scene.at("body.0.integrator", message, "use integrator = \"backward_euler\""));
                 }
                 let sub = dt / f64::from(substeps);
@@ -81,12 +86,14 @@ impl fmt::Display for Integration {
             Self::BackwardEuler => write!(f, "backward Euler, one linearisation"),
             Self::Newton(config) => write!(
                 f,
-                "backward Euler, at most {} Newton iterations to a residual of {:e}",
-                config.iterations, config.tolerance
+                "backward Euler, at most {} to a residual of {:e}",
+                counted(config.iterations, "Newton iteration", "Newton iterations"),
+                config.tolerance
             ),
             Self::Explicit { substeps, dt, critical } => write!(
                 f,
-                "explicit, {substeps} substeps of {:.4} ms; critical step at rest {:.4} ms (largest frequency {:.1} to {:.1} rad/s)",
+                "explicit, {} of {:.4} ms; critical step at rest {:.4} ms (largest frequency {:.1} to {:.1} rad/s)",
+                counted(*substeps, "substep", "substeps"),
                 dt * 1e3,
                 critical.step * 1e3,
                 critical.lower,

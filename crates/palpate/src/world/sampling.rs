@@ -56,6 +56,11 @@ impl Sampling {
         Self { every: 1, iterations: MOST as usize, iteration }
     }
 
+    /// Whether a longer time would grant a comparison more iterations.
+    pub fn is_limited(&self) -> bool {
+        self.iterations < MOST as usize
+    }
+
     /// Whether a column is compared in step `step`.
     pub fn is_due(&self, step: u64) -> bool {
         self.every > 0 && step.is_multiple_of(self.every)

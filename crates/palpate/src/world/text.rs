@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use palpate_fem::sparse::FIXED;
 
 use super::{Integration, World};
+use crate::counted::counted;
 use crate::scene::{BodyDescription, ContactMethod, Readable};
 
 impl World {
@@ -50,17 +51,22 @@ impl World {
         let _ = writeln!(text, "scene {}: {}", d.name, d.description);
         let _ = writeln!(
             text,
-            "body {}: {} nodes ({fixed} fixed), {} tetrahedra ({}), {:.1} cm³, {:.3} kg",
+            "body {}: {} nodes ({fixed} fixed), {} ({}), {:.1} cm³, {:.3} kg",
             body.name,
             self.mesh.nodes.len(),
-            self.mesh.tetrahedra.len(),
+            counted(self.mesh.tetrahedra.len(), "tetrahedron", "tetrahedra"),
             body.element.name(),
             q.volume * 1e6,
             self.model.mass().iter().sum::<f64>(),
         );
         for (k, name) in self.mesh.region_names.iter().enumerate() {
             let count = self.mesh.regions.iter().filter(|&&r| usize::from(r) == k).count();
-            let _ = writeln!(text, "  region {name}: {count} tetrahedra, {}", material_of(body, name));
+            let _ = writeln!(
+                text,
+                "  region {name}: {}, {}",
+                counted(count, "tetrahedron", "tetrahedra"),
+                material_of(body, name)
+            );
         }
         let _ = writeln!(text, "  dihedral angles {:.1}° to {:.1}°", q.dihedral[0], q.dihedral[2]);
         let mass = body
@@ -77,22 +83,22 @@ impl World {
         let on = |on: bool| if on { "on" } else { "off" };
         let _ = writeln!(
             text,
-            "  definiteness filter {}, guard {}; conjugate gradients to {:e} in at most {} iterations",
+            "  definiteness filter {}, guard {}; conjugate gradients to {:e} in at most {}",
             on(body.definiteness_filter),
             on(body.guard),
             body.tolerance,
-            body.max_iterations,
+            counted(body.max_iterations, "iteration", "iterations"),
         );
         text.push_str(&self.bodies.to_string());
         let _ = writeln!(text, "tool {}: {}", d.tools[0].name, one_line(&d.tools[0].shape));
         let c = &d.contact;
         let _ = writeln!(
             text,
-            "contact at {} by {} within {:.1} mm, at most {} contacts; law {}",
+            "contact at {} by {} within {:.1} mm, at most {}; law {}",
             format!("{:?}", c.at).to_lowercase(),
             self.contact_method(),
             c.margin * 1e3,
-            c.max_contacts,
+            counted(c.max_contacts, "contact", "contacts"),
             c.law_in_words()
         );
         for change in &self.changes {
@@ -104,12 +110,12 @@ impl World {
             // A direct approach takes no solver's kind.
             _ => writeln!(
                 text,
-                "solver: {} to {:e} in at most {} iterations; a tick by Gauss-Seidel to {:e} in at most {} sweeps",
+                "solver: {} to {:e} in at most {}; a tick by Gauss-Seidel to {:e} in at most {}",
                 c.method.name(),
                 s.tolerance,
-                s.max_sweeps,
+                counted(s.max_sweeps, "iteration", "iterations"),
                 s.tick_tolerance,
-                s.tick_sweeps
+                counted(s.tick_sweeps, "sweep", "sweeps")
             ),
         };
         let _ = writeln!(text, "tick: {}", self.tick_method());

@@ -36,6 +36,8 @@ flags! {
         13 => CORRECTION_UNCONVERGED;
         /// A linear solve ended without convergence, and the step factored its own matrix to go on.
         14 => RESCUED;
+        /// The comparison of a column of the compliance ended before reaching its tolerance, and says nothing.
+        15 => SAMPLE_UNCONVERGED;
     }
 }
 

@@ -142,6 +142,28 @@ fn solver(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     }
 }
 
+/// No accuracy where forces come from no compliance: the methods that keep it differ in nothing else.
+fn accuracy(scene: &SceneDescription, source: &Source<'_>) -> Checked {
+    let c = &scene.contact;
+    match scene.bodies.first().and_then(|body| body.accuracy) {
+        Some(accuracy) if c.method != ContactMethod::Compliance => {
+            let name = c.method.name();
+            let message =
+                format!("accuracy = {accuracy} has no effect: `{name}` finds the contact forces without compliance");
+            let remedy = match c.method {
+                ContactMethod::Penalty => {
+                    "remove it, or set method = \"compliance\"; a stiffer `penalty` is nearer to the law of contact"
+                }
+                _ => {
+                    "remove it, or set method = \"compliance\"; the `tolerance` of [solver] bounds the error of `lagrange`"
+                }
+            };
+            Err(source.at("body.0.accuracy", message, remedy))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// The settings of the contact method that is used, and of no other.
 fn contact_method(scene: &SceneDescription, source: &Source<'_>) -> Checked {
     let c = &scene.contact;
@@ -160,6 +182,7 @@ fn contact_method(scene: &SceneDescription, source: &Source<'_>) -> Checked {
         let message = format!("`{}` knows the laws `coulomb` and `signorini`, not `{}`", c.method.name(), c.law.name());
         return Err(source.at("contact.law", message, "set one of the two, or method = \"compliance\""));
     }
+    accuracy(scene, source)?;
     let Some(penalty) = &c.penalty else { return Ok(()) };
     if c.method != ContactMethod::Penalty {
         let message = format!("`penalty` has no effect: the method is `{}`", c.method.name());
