@@ -2,6 +2,7 @@
 //!
 //! A chart is a function from [`Settings`] and [`Work`] to a [`Chart`]; `command::chart` registers it by name.
 
+mod axis;
 pub(crate) mod compliance;
 pub(crate) mod haptics;
 pub(crate) mod plot;

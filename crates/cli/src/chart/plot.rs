@@ -8,6 +8,9 @@ use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 
+pub(crate) use super::axis::Axis;
+use super::axis::{logarithmic, number};
+
 /// Width of the legend (pixels).
 const LEGEND: u32 = 250;
 
@@ -45,27 +48,6 @@ pub(crate) struct Series {
     pub(crate) mark: Mark,
     /// Points (x, y); those that a logarithmic axis cannot show are left out.
     pub(crate) points: Vec<(f64, f64)>,
-}
-
-/// An axis.
-#[derive(Clone, Debug)]
-pub(crate) struct Axis {
-    /// What it shows, with its unit.
-    pub(crate) label: String,
-    /// Logarithmic.
-    pub(crate) log: bool,
-}
-
-impl Axis {
-    /// A logarithmic axis.
-    pub(crate) fn log(label: &str) -> Self {
-        Self { label: label.into(), log: true }
-    }
-
-    /// A linear axis.
-    pub(crate) fn linear(label: &str) -> Self {
-        Self { label: label.into(), log: false }
-    }
 }
 
 /// One coordinate system.
@@ -161,15 +143,11 @@ fn draw_panel(
 ) -> Result<(), Box<dyn Error>> {
     let (x, y) = (panel.limits(|p| p.0, panel.x.log), panel.limits(|p| p.1, panel.y.log));
     match (panel.x.log, panel.y.log) {
-        (true, true) => on(area, panel, names, (x.0..x.1).log_scale(), (y.0..y.1).log_scale()),
-        (true, false) => on(area, panel, names, (x.0..x.1).log_scale(), linear(y)),
-        (false, true) => on(area, panel, names, linear(x), (y.0..y.1).log_scale()),
-        (false, false) => on(area, panel, names, linear(x), linear(y)),
+        (true, true) => on(area, panel, names, logarithmic(x), logarithmic(y)),
+        (true, false) => on(area, panel, names, logarithmic(x), y.0..y.1),
+        (false, true) => on(area, panel, names, x.0..x.1, logarithmic(y)),
+        (false, false) => on(area, panel, names, x.0..x.1, y.0..y.1),
     }
-}
-
-fn linear((from, to): (f64, f64)) -> std::ops::Range<f64> {
-    from..to
 }
 
 fn on<X, Y>(
@@ -230,16 +208,6 @@ where
         }
     }
     Ok(())
-}
-
-/// A number as short as it stays readable; a thousandth that rounding made smaller like any other.
-fn number(v: &f64) -> String {
-    let size = v.abs();
-    if size != 0.0 && !(0.000_999_999..1e5).contains(&size) {
-        format!("{v:.0e}")
-    } else {
-        format!("{}", (v * 1e6).round() / 1e6)
-    }
 }
 
 /// Colour and shape of a series: colours go round first, then shapes.
