@@ -4,6 +4,7 @@ mod check;
 mod error;
 mod promotion;
 pub mod quality;
+mod warning;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,8 +12,9 @@ use std::path::Path;
 use nalgebra::{Matrix3, Vector3};
 
 pub(crate) use check::{FACES, Provenance, check, check_nodes, is_flat, repeated, sorted_faces};
-pub use error::{At, MeshError, MeshWarning};
+pub use error::{At, MeshError};
 pub use quality::MeshQuality;
+pub use warning::MeshWarning;
 
 use crate::format;
 use crate::surface::Surface;
