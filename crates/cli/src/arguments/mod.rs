@@ -97,7 +97,7 @@ pub(crate) enum Command {
     Scenes,
     /// List the devices: which are found, and why the others are not.
     Devices(DevicesArguments),
-    /// Solve contact problems from files: our JSON, or the .dat texts of Siconos.
+    /// Solve contact problems from files: our JSON, the .dat texts of Siconos, or FCLIB's HDF5.
     ///
     /// For each file and solver: how it ended, its iterations, the residual that is left, the gap of the block that is farthest
     /// from its law, the time. A compliance that is not symmetric or not definite is warned of with its row, and solved by

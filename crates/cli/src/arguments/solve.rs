@@ -22,7 +22,7 @@ Exit codes:
 
 #[derive(Debug, Args)]
 pub(crate) struct SolveArguments {
-    /// Problem files, as `palpate run --save-problems` writes them, or friction-contact and LCP texts of Siconos.
+    /// Problem files, as `palpate run --save-problems` writes them, friction-contact and LCP texts of Siconos, or local problems of FCLIB (HDF5).
     #[arg(required = true, value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
     /// Solver, or `all`. With `all`, a problem counts as solved if one of them solves it.
