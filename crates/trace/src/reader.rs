@@ -75,6 +75,8 @@ pub struct TraceReader<R = File> {
     schemas: HashMap<u16, String>,
     channels: HashMap<u16, ReadChannel>,
     start_unix_ns: u64,
+    /// A record was read: the file is MCAP.
+    begun: bool,
     ended: bool,
 }
 
@@ -108,18 +110,25 @@ impl<R: Read> TraceReader<R> {
             schemas: HashMap::new(),
             channels: HashMap::new(),
             start_unix_ns: 0,
+            begun: false,
             ended: false,
         }
     }
 
     fn advance(&mut self) -> Result<Option<TraceEvent>, TraceError> {
         loop {
-            let damaged = |source| TraceError::Damaged { path: self.path.clone(), offset: self.offset, source };
+            let begun = self.begun;
+            let damaged = |source| match (self.offset, source) {
+                (0, _) => TraceError::Foreign { path: self.path.clone(), empty: true },
+                (_, McapError::BadMagic) if !begun => TraceError::Foreign { path: self.path.clone(), empty: false },
+                (offset, source) => TraceError::Damaged { path: self.path.clone(), offset, source },
+            };
             let wanted = match self.mcap.next_event() {
                 None => return Ok(None),
                 Some(Err(error)) => return Err(damaged(error)),
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => wanted.max(READ_SIZE),
                 Some(Ok(LinearReadEvent::Record { data, opcode })) => {
+                    self.begun = true;
                     let record = mcap::parse_record(opcode, data).map_err(damaged)?;
                     let tables = &mut Tables {
                         schemas: &mut self.schemas,

@@ -5,6 +5,7 @@
 mod axis;
 pub(crate) mod compliance;
 pub(crate) mod haptics;
+mod legend;
 pub(crate) mod plot;
 pub(crate) mod solvers;
 pub(crate) mod table;

@@ -12,7 +12,7 @@ pub(crate) fn replay(trace: &Path) -> Result<u8> {
     let report = replay_trace(trace).map_err(|e| Report::msg(e.to_string()))?;
     let path = trace.display();
     if let Some(damage) = &report.damage {
-        eprintln!("warning: {path}: {damage}; its {} ticks before that are replayed", report.ticks);
+        eprintln!("warning: {damage}; its {} ticks before that are replayed", report.ticks);
     }
     if report.is_identical() {
         say(format_args!("{path}: {} ticks, every force, torque and pose the same to the bit", report.ticks))?;

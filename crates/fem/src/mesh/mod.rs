@@ -19,6 +19,9 @@ pub use warning::MeshWarning;
 use crate::format;
 use crate::surface::Surface;
 
+/// Widest mesh (m) that a scale may make: volumes and what is made of them stay within the range of f64.
+const VASTEST: f64 = 1e12;
+
 /// A tetrahedral mesh in metres. Positive volume: `det(x1-x0, x2-x0, x3-x0) > 0` for every tetrahedron.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TetMesh {
@@ -81,6 +84,11 @@ impl TetMesh {
         }
         for x in &mut self.nodes {
             *x *= factor;
+        }
+        let diagonal = self.bounding_box().diagonal();
+        if diagonal.is_nan() || diagonal > VASTEST {
+            let what = format!("with scale {factor:e} the mesh is {diagonal:.1e} m across, more than {VASTEST:e}");
+            return Err(MeshError::Inconsistent { at: At::default(), what });
         }
         Ok(self)
     }
