@@ -34,7 +34,7 @@ pub(crate) const HELP: &str = "Exit codes:
     5  a mesh can be read but not simulated
     6  a contact problem was not solved to the tolerance
     7  no static equilibrium was found under the whole load
-  130  ended by Ctrl-C; everything was written up to there";
+  130  ended by Ctrl-C, TERM or HUP; everything was written up to there";
 
 #[cfg(test)]
 mod tests {

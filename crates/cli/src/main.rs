@@ -8,6 +8,7 @@ mod exit;
 mod output;
 mod picture;
 mod progress;
+mod screen;
 mod solver_table;
 mod step_table;
 mod table;

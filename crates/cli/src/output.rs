@@ -89,7 +89,7 @@ impl Outputs {
     pub(crate) fn check(&mut self, inputs: &[PathBuf]) -> Result<Option<String>> {
         let named = [
             ("--trace", &self.trace),
-            ("the picture beside the trace,", &self.picture),
+            ("the picture beside the trace", &self.picture),
             ("--csv", &self.csv),
             ("--final", &self.final_state),
         ];

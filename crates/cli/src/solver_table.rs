@@ -1,13 +1,14 @@
 //! Runs of solvers on one problem as a table.
 
-use comfy_table::{Cell, CellAlignment, Table, presets};
+use comfy_table::{Cell, CellAlignment, Table};
 use palpate::solver::automatic::Attempt;
 use palpate::solver::comparison::SolverRun;
 
+use crate::screen;
+
 /// Status, iterations, residual and time of each solver.
 pub(crate) fn runs(runs: &[SolverRun]) -> Table {
-    let mut table = Table::new();
-    table.load_style(presets::UTF8_FULL_CONDENSED);
+    let mut table = screen::table();
     table.set_header(["solver", "status", "iterations", "residual", "worst gap [m]", "time [ms]"]);
     for run in runs {
         let right = |text: String| Cell::new(text).set_alignment(CellAlignment::Right);

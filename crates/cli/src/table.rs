@@ -1,8 +1,10 @@
 //! The summary of a run as a table.
 
-use comfy_table::{Cell, CellAlignment, Table, presets};
+use comfy_table::{Cell, CellAlignment, Table};
 use palpate::counted::counted;
 use palpate::summary::{ForceCounts, Percentiles, RunSummary};
+
+use crate::screen;
 
 /// The summary as text.
 pub(crate) fn summary(s: &RunSummary) -> String {
@@ -45,8 +47,7 @@ pub(crate) fn summary(s: &RunSummary) -> String {
 }
 
 fn tails(s: &RunSummary) -> Table {
-    let mut table = Table::new();
-    table.load_style(presets::UTF8_FULL_CONDENSED);
+    let mut table = screen::table();
     table.set_header(["", "p50", "p99", "p99.9", "max"]);
     let mut row = |name: &str, p: &Percentiles, scale: f64, digits: usize| {
         let value = |v: f64| Cell::new(format!("{:.digits$}", v * scale)).set_alignment(CellAlignment::Right);
@@ -74,8 +75,7 @@ fn tails(s: &RunSummary) -> Table {
 }
 
 fn facts(s: &RunSummary) -> Table {
-    let mut table = Table::new();
-    table.load_style(presets::UTF8_FULL_CONDENSED);
+    let mut table = screen::table();
     if s.wall > 0.0 {
         table.add_row([
             "rates reached: step / factor / tick [Hz]".to_string(),

@@ -32,6 +32,17 @@ fn the_table_names_solver_status_and_residual() {
     assert!(all.out.contains("not for this problem"), "friction is not for conic_qp: {}", all.out);
 }
 
+/// A problem of FCLIB, written by the HDF5 library, with forces that it holds as its solution and a guess to start from.
+#[test]
+fn problems_of_fclib_are_solved() {
+    let place = Place::new();
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../solver/tests/fclib/rows.hdf5");
+    std::fs::copy(file, place.path("rows.hdf5")).unwrap();
+    let run = place.run("solve rows.hdf5 --solver all --tol 1e-8 --warm");
+    assert_eq!(run.code, Some(0), "{run:?}");
+    assert!(run.out.contains("rows.hdf5: 4 blocks, 12 rows"), "{}", run.out);
+}
+
 #[test]
 fn the_exit_code_says_whether_the_tolerance_was_met() {
     let place = Place::new();
@@ -105,7 +116,7 @@ fn mistakes_name_file_line_and_remedy() {
         ("solve broken.dat", &["broken.dat", "line 9", "`two`"]),
         ("solve two.dat negative.dat", &["negative.dat", "block 1", "friction = -0.3"]),
         ("solve other.json", &["other.json", "line 3"]),
-        ("solve fclib.hdf5", &["fclib.hdf5", "HDF5", "convert"]),
+        ("solve fclib.hdf5", &["fclib.hdf5", "HDF5", "damaged", "write it again"]),
         ("solve two.dat --solver newton", &["newton", "semismooth_newton"]),
         ("solve two.dat --tol 0", &["--tol", "positive"]),
         ("solve two.dat two.dat --out s.json", &["--out", "one FILE"]),

@@ -182,7 +182,7 @@ fn formats_are_told_apart_by_their_content() {
     // Three rows: the text begins as a friction problem would.
     let three = "3 0 3 3 3 3 1 0 0 0 1 0 0 0 1 -1 -1 -1";
     assert_eq!(open(three.as_bytes()).unwrap().blocks().len(), 3);
-    assert!(matches!(open(b"\x89HDF\r\n\x1a\n...."), Err(ProblemFileError::Hdf5)));
+    assert!(open(b"\x89HDF\r\n\x1a\n....").unwrap_err().to_string().starts_with("HDF5"));
     let error = open(b"2\n0\n\xff").unwrap_err().to_string();
     assert_eq!(error, "line 3: neither JSON nor text: byte 4 of the file is not UTF-8");
     assert!(matches!(open(b" \n"), Err(ProblemFileError::Empty)));

@@ -53,6 +53,14 @@ pub enum TraceError {
         /// What the system answered.
         source: io::Error,
     },
+    /// The file is something else.
+    #[error("{}: not a trace: {}; name an MCAP file that `palpate run` wrote", path.display(), if *empty { "it is empty" } else { "it does not begin as MCAP does" })]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// Whether there is nothing in it.
+        empty: bool,
+    },
     /// The file is not a whole MCAP file.
     #[error("{}: damaged within its first {offset} bytes: {}", path.display(), cause(source))]
     Damaged {

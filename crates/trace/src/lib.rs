@@ -19,8 +19,10 @@
 //! in the metadata of its channel. Log time is `TraceConfig::start_unix_ns` plus the `time_ns` of the record.
 
 mod config;
+mod container;
 mod drain;
 mod error;
+mod field;
 mod geometry;
 mod reader;
 mod record;
@@ -33,14 +35,16 @@ mod thread;
 mod tissue_message;
 mod tool_message;
 mod topic;
+mod trace;
 mod wire;
 mod writer;
 
 pub use config::{Attachment, TraceConfig};
+pub use container::WriteReport;
 pub use drain::InlineTrace;
 pub use error::TraceError;
 pub use geometry::{BodyGeometry, SolidGeometry, ToolHinge, ToolJaw, ToolPart, ToolShape};
-pub use reader::{Trace, TraceEvent, TraceReader};
+pub use reader::{TraceEvent, TraceReader};
 pub use record::{
     FactorRecord, FactorStatus, LogLevel, LogRecord, RigidRecord, StepFlags, StepRecord, TickFlags, TickRecord,
 };
@@ -49,5 +53,6 @@ pub use sink::TraceSink;
 pub use summary::{Dropped, TraceStatus, TraceSummary};
 pub use thread::TraceThread;
 pub use topic::Topic;
+pub use trace::Trace;
 pub use wire::WireError;
-pub use writer::{TraceWriter, WriteReport};
+pub use writer::TraceWriter;

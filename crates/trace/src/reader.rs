@@ -75,6 +75,8 @@ pub struct TraceReader<R = File> {
     schemas: HashMap<u16, String>,
     channels: HashMap<u16, ReadChannel>,
     start_unix_ns: u64,
+    /// A record was read: the file is MCAP.
+    begun: bool,
     ended: bool,
 }
 
@@ -108,18 +110,25 @@ impl<R: Read> TraceReader<R> {
             schemas: HashMap::new(),
             channels: HashMap::new(),
             start_unix_ns: 0,
+            begun: false,
             ended: false,
         }
     }
 
     fn advance(&mut self) -> Result<Option<TraceEvent>, TraceError> {
         loop {
-            let damaged = |source| TraceError::Damaged { path: self.path.clone(), offset: self.offset, source };
+            let begun = self.begun;
+            let damaged = |source| match (self.offset, source) {
+                (0, _) => TraceError::Foreign { path: self.path.clone(), empty: true },
+                (_, McapError::BadMagic) if !begun => TraceError::Foreign { path: self.path.clone(), empty: false },
+                (offset, source) => TraceError::Damaged { path: self.path.clone(), offset, source },
+            };
             let wanted = match self.mcap.next_event() {
                 None => return Ok(None),
                 Some(Err(error)) => return Err(damaged(error)),
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => wanted.max(READ_SIZE),
                 Some(Ok(LinearReadEvent::Record { data, opcode })) => {
+                    self.begun = true;
                     let record = mcap::parse_record(opcode, data).map_err(damaged)?;
                     let tables = &mut Tables {
                         schemas: &mut self.schemas,
@@ -231,79 +240,5 @@ fn content(schema: Option<&String>) -> Content {
         Some(("palpate", name)) if name == FactorRecord::MESSAGE.name => Content::Factor,
         Some(("foxglove", "Log")) => Content::Log,
         _ => Content::Other,
-    }
-}
-
-/// A whole trace in memory, without its geometry.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Trace {
-    /// Ticks in order.
-    pub ticks: Vec<TickRecord>,
-    /// Steps in order.
-    pub steps: Vec<StepRecord>,
-    /// Rigid bodies, by step and body.
-    pub rigid: Vec<RigidRecord>,
-    /// Factorisations in order.
-    pub factors: Vec<FactorRecord>,
-    /// The log in order.
-    pub log: Vec<LogRecord>,
-    /// Metadata records by name.
-    pub metadata: BTreeMap<String, BTreeMap<String, String>>,
-    /// Files carried inside.
-    pub attachments: Vec<Attachment>,
-    /// Number of messages of other topics, by topic.
-    pub others: BTreeMap<String, u64>,
-}
-
-impl Trace {
-    /// Reads the file at `path`.
-    ///
-    /// # Errors
-    /// [`TraceError::Read`], [`TraceError::Damaged`] (also for a file that ends early), [`TraceError::Message`].
-    pub fn load(path: impl AsRef<Path>) -> Result<Self, TraceError> {
-        match Self::recover(path)? {
-            (trace, None) => Ok(trace),
-            (_, Some(damage)) => Err(damage),
-        }
-    }
-
-    /// Reads what can be read: everything before the first damage, and the damage.
-    ///
-    /// # Errors
-    /// [`TraceError::Read`] when the file cannot be opened.
-    pub fn recover(path: impl AsRef<Path>) -> Result<(Self, Option<TraceError>), TraceError> {
-        Ok(Self::collect(TraceReader::open(path)?))
-    }
-
-    /// Gathers the events of a reader up to its end or its first error.
-    pub fn collect(events: impl IntoIterator<Item = Result<TraceEvent, TraceError>>) -> (Self, Option<TraceError>) {
-        let mut trace = Self::default();
-        for event in events {
-            match event {
-                Ok(event) => trace.push(event),
-                Err(damage) => return (trace, Some(damage)),
-            }
-        }
-        (trace, None)
-    }
-
-    fn push(&mut self, event: TraceEvent) {
-        match event {
-            TraceEvent::Tick(record) => self.ticks.push(*record),
-            TraceEvent::Step(record) => self.steps.push(*record),
-            TraceEvent::Rigid(record) => self.rigid.push(*record),
-            TraceEvent::Factor(record) => self.factors.push(record),
-            TraceEvent::Log(record) => self.log.push(*record),
-            TraceEvent::Metadata { name, entries } => {
-                self.metadata.insert(name, entries);
-            }
-            TraceEvent::Attachment(attachment) => self.attachments.push(attachment),
-            TraceEvent::Other { topic, .. } => *self.others.entry(topic).or_default() += 1,
-        }
-    }
-
-    /// The attached file of that name.
-    pub fn attachment(&self, name: &str) -> Option<&[u8]> {
-        self.attachments.iter().find(|attachment| attachment.name == name).map(|attachment| &*attachment.data)
     }
 }

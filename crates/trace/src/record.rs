@@ -15,8 +15,8 @@ pub use rigid::RigidRecord;
 pub use step::{StepFlags, StepRecord};
 pub use tick::{TickFlags, TickRecord};
 
-use crate::schema::{FieldKind, MessageDescription};
-use crate::wire::{Value, WireError, fields, put_bytes, put_double, put_sint, put_uint, unzigzag};
+use crate::schema::MessageDescription;
+use crate::wire::WireError;
 
 /// A record with a protobuf message of our own.
 pub(crate) trait Record: Copy + Default {
@@ -27,121 +27,6 @@ pub(crate) trait Record: Copy + Default {
 
     /// Fields that are missing keep their default, unknown ones are passed over.
     fn decode(message: &[u8]) -> Result<Self, WireError>;
-}
-
-/// A type that a field of a record may have.
-pub(crate) trait FieldValue: Sized {
-    const KIND: FieldKind;
-    const FLAGS: &'static [&'static str] = &[];
-
-    fn put(&self, number: u32, out: &mut Vec<u8>);
-
-    /// `None` when the content is of another type.
-    fn get(value: Value<'_>) -> Option<Self>;
-}
-
-impl FieldValue for f64 {
-    const KIND: FieldKind = FieldKind::Double;
-
-    fn put(&self, number: u32, out: &mut Vec<u8>) {
-        put_double(out, number, *self);
-    }
-
-    fn get(value: Value<'_>) -> Option<Self> {
-        match value {
-            Value::Fixed64(bytes) => Some(f64::from_le_bytes(bytes)),
-            _ => None,
-        }
-    }
-}
-
-impl FieldValue for u64 {
-    const KIND: FieldKind = FieldKind::Uint64;
-
-    fn put(&self, number: u32, out: &mut Vec<u8>) {
-        put_uint(out, number, *self);
-    }
-
-    fn get(value: Value<'_>) -> Option<Self> {
-        match value {
-            Value::Varint(value) => Some(value),
-            _ => None,
-        }
-    }
-}
-
-impl FieldValue for u32 {
-    const KIND: FieldKind = FieldKind::Uint32;
-
-    fn put(&self, number: u32, out: &mut Vec<u8>) {
-        put_uint(out, number, u64::from(*self));
-    }
-
-    fn get(value: Value<'_>) -> Option<Self> {
-        u64::get(value)?.try_into().ok()
-    }
-}
-
-impl FieldValue for i32 {
-    const KIND: FieldKind = FieldKind::Sint32;
-
-    fn put(&self, number: u32, out: &mut Vec<u8>) {
-        put_sint(out, number, i64::from(*self));
-    }
-
-    fn get(value: Value<'_>) -> Option<Self> {
-        unzigzag(u64::get(value)?).try_into().ok()
-    }
-}
-
-/// `x, y, z`
-impl FieldValue for [f64; 3] {
-    const KIND: FieldKind = FieldKind::Vector3;
-
-    fn put(&self, number: u32, out: &mut Vec<u8>) {
-        put_doubles(self, number, out);
-    }
-
-    fn get(value: Value<'_>) -> Option<Self> {
-        get_doubles(value)
-    }
-}
-
-/// `x, y, z, w`
-impl FieldValue for [f64; 4] {
-    const KIND: FieldKind = FieldKind::Quaternion;
-
-    fn put(&self, number: u32, out: &mut Vec<u8>) {
-        put_doubles(self, number, out);
-    }
-
-    fn get(value: Value<'_>) -> Option<Self> {
-        get_doubles(value)
-    }
-}
-
-/// A nested message with the doubles in fields 1 to `N`.
-fn put_doubles<const N: usize>(values: &[f64; N], number: u32, out: &mut Vec<u8>) {
-    const LARGEST: usize = 4 * 9;
-    let mut nested = [0; LARGEST];
-    for (k, (slot, value)) in nested.chunks_exact_mut(9).zip(values).enumerate() {
-        // Key of a double: field number k + 1, wire type 1.
-        slot[0] = ((k as u8 + 1) << 3) | 1;
-        slot[1..].copy_from_slice(&value.to_le_bytes());
-    }
-    put_bytes(out, number, &nested[..9 * N.min(4)]);
-}
-
-fn get_doubles<const N: usize>(value: Value<'_>) -> Option<[f64; N]> {
-    let Value::Bytes(nested) = value else { return None };
-    let mut values = [0.0; N];
-    for field in fields(nested) {
-        let (number, value) = field.ok()?;
-        if let Some(slot) = (number as usize).checked_sub(1).and_then(|k| values.get_mut(k)) {
-            *slot = f64::get(value)?;
-        }
-    }
-    Some(values)
 }
 
 /// Declares a record: `number => name: type, "unit";` per field.
@@ -174,14 +59,14 @@ macro_rules! record {
                 fields: &[ $( $crate::schema::FieldDescription {
                     number: $number,
                     name: stringify!($field),
-                    kind: <$kind as $crate::record::FieldValue>::KIND,
+                    kind: <$kind as $crate::field::FieldValue>::KIND,
                     unit: $unit,
-                    flags: <$kind as $crate::record::FieldValue>::FLAGS,
+                    flags: <$kind as $crate::field::FieldValue>::FLAGS,
                 } ),* ],
             };
 
             fn encode(&self, out: &mut Vec<u8>) {
-                $( $crate::record::FieldValue::put(&self.$field, $number, out); )*
+                $( $crate::field::FieldValue::put(&self.$field, $number, out); )*
             }
 
             fn decode(message: &[u8]) -> Result<Self, $crate::wire::WireError> {
@@ -189,7 +74,7 @@ macro_rules! record {
                 for field in $crate::wire::fields(message) {
                     let (number, value) = field?;
                     match number {
-                        $( $number => record.$field = $crate::record::FieldValue::get(value)
+                        $( $number => record.$field = $crate::field::FieldValue::get(value)
                             .ok_or($crate::wire::WireError::FieldType { message: $message, field: number })?, )*
                         _ => {}
                     }
@@ -241,16 +126,16 @@ macro_rules! flags {
             }
         }
 
-        impl $crate::record::FieldValue for $Name {
+        impl $crate::field::FieldValue for $Name {
             const KIND: $crate::schema::FieldKind = $crate::schema::FieldKind::Uint32;
             const FLAGS: &'static [&'static str] = &[ $( stringify!($CONST) ),* ];
 
             fn put(&self, number: u32, out: &mut Vec<u8>) {
-                $crate::record::FieldValue::put(&self.0, number, out);
+                $crate::field::FieldValue::put(&self.0, number, out);
             }
 
             fn get(value: $crate::wire::Value<'_>) -> Option<Self> {
-                <u32 as $crate::record::FieldValue>::get(value).map(Self)
+                <u32 as $crate::field::FieldValue>::get(value).map(Self)
             }
         }
     };
@@ -260,6 +145,7 @@ pub(crate) use flags;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wire::{put_bytes, put_double, put_uint};
 
     /// The numbers are the format: each belongs to one field, and those of the first version have no gap.
     fn numbers_are_unique<R: Record>() {

@@ -28,7 +28,11 @@ fn every_truncation_is_an_error() {
     assert!(damage.is_none() && whole.ticks.len() == 66);
     for length in 0..WHOLE.len() {
         let (read, damage) = read(&WHOLE[..length]);
-        assert!(matches!(damage, Some(TraceError::Damaged { .. })), "cut to {length} bytes: {damage:?}");
+        let told = match damage {
+            Some(TraceError::Foreign { empty: true, .. }) => length == 0,
+            damage => length > 0 && matches!(damage, Some(TraceError::Damaged { .. })),
+        };
+        assert!(told, "cut to {length} bytes");
         assert!(read.ticks.len() <= 66);
     }
 }
@@ -85,5 +89,5 @@ fn what_is_no_trace_is_said_to_be_none() {
     let text = folder.path().join("scene.toml");
     std::fs::write(&text, "[world]\nstep = 0.033\n").unwrap();
     let error = Trace::load(&text).unwrap_err().to_string();
-    assert!(error.contains("scene.toml") && error.contains("magic"), "{error}");
+    assert!(error.contains("scene.toml: not a trace"), "{error}");
 }

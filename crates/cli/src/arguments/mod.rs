@@ -45,8 +45,34 @@ const CHECK_EXAMPLES: &str = "Examples:
   palpate check my_scene.toml && palpate run my_scene.toml";
 
 const PLAN_EXAMPLES: &str = "Examples:
-  palpate plan liver                         what is predicted
-  palpate plan my_scene.toml --measure       beside what a few steps take on this machine";
+  palpate plan liver                         what is predicted, beside one factorisation on this machine
+  palpate plan my_scene.toml --measure       beside what a few steps take as well
+
+Exit codes:
+    0  printed
+    2  a mistake in the command line or in the scene";
+
+const EQUILIBRIUM_EXAMPLES: &str = "Examples:
+  palpate equilibrium my_scene.toml                      how far the body sags
+  palpate equilibrium my_scene.toml --final state.vtu    its shape, for ParaView";
+
+const MESH_EXAMPLES: &str = "Examples:
+  palpate mesh organ.msh                     size, quality and faults
+  palpate mesh organ.vtk --scale 0.001       of a file in millimetres
+  palpate mesh make liver.inr.gz --cell 10mm --out organ.vtu";
+
+const SCENES_EXAMPLES: &str = "Examples:
+  palpate scenes
+  palpate run cut                            one of them";
+
+const DEVICES_EXAMPLES: &str = "Examples:
+  palpate devices
+  palpate devices --dhd /opt/dhd/libdhd.so.3     a library that is not where the system looks
+  palpate devices --haply ws://10.0.0.7:10001    the service of another machine";
+
+const REPLAY_EXAMPLES: &str = "Examples:
+  palpate run liver                          writes liver.mcap
+  palpate replay liver.mcap                  compares every force with it";
 
 /// Real-time haptic simulation of soft tissue.
 #[derive(Debug, Parser)]
@@ -80,24 +106,26 @@ pub(crate) enum Command {
     Plan {
         /// Scene file or name of a bundled scene.
         scene: String,
-        /// Take a few steps and measure, instead of predicting alone.
+        /// Take a few steps and measure them too; factorisation and solves are measured always.
         #[arg(long)]
         measure: bool,
     },
     /// Find the static equilibrium of a scene's body under gravity, without contact.
-    #[command(after_help = exit::HELP)]
+    #[command(after_help = format!("{EQUILIBRIUM_EXAMPLES}\n\n{}", exit::HELP))]
     Equilibrium(EquilibriumArguments),
     /// Describe a mesh, or make one (`palpate mesh make --help`).
-    #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+    #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true, after_help = MESH_EXAMPLES)]
     Mesh(MeshArguments),
     /// Measure accuracy against time, draw it as SVG and write the data as CSV.
     #[command(after_help = CHART_EXAMPLES)]
     Chart(ChartArguments),
     /// List the bundled scenes.
+    #[command(after_help = SCENES_EXAMPLES)]
     Scenes,
     /// List the devices: which are found, and why the others are not.
+    #[command(after_help = DEVICES_EXAMPLES)]
     Devices(DevicesArguments),
-    /// Solve contact problems from files: our JSON, or the .dat texts of Siconos.
+    /// Solve contact problems from files: our JSON, the .dat texts of Siconos, or FCLIB's HDF5.
     ///
     /// For each file and solver: how it ended, its iterations, the residual that is left, the gap of the block that is farthest
     /// from its law, the time. A compliance that is not symmetric or not definite is warned of with its row, and solved by
@@ -105,6 +133,7 @@ pub(crate) enum Command {
     #[command(after_help = SOLVE_EXAMPLES)]
     Solve(SolveArguments),
     /// Run the scene of a trace again and compare every force with the record, to the bit.
+    #[command(after_help = format!("{REPLAY_EXAMPLES}\n\n{}", exit::HELP))]
     Replay {
         /// The trace.
         trace: PathBuf,

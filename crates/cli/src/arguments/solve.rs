@@ -18,11 +18,11 @@ Exit codes:
     1  the same, but --out could not be written whole
     2  a mistake in the command line or in a file; nothing was solved
     6  a problem was not solved to the tolerance
-  130  ended by Ctrl-C; what was solved up to there was written";
+  130  ended by Ctrl-C, TERM or HUP; what was solved up to there was written";
 
 #[derive(Debug, Args)]
 pub(crate) struct SolveArguments {
-    /// Problem files, as `palpate run --save-problems` writes them, or friction-contact and LCP texts of Siconos.
+    /// Problem files, as `palpate run --save-problems` writes them, friction-contact and LCP texts of Siconos, or local problems of FCLIB (HDF5).
     #[arg(required = true, value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
     /// Solver, or `all`. With `all`, a problem counts as solved if one of them solves it.

@@ -2,8 +2,10 @@
 //!
 //! A chart is a function from [`Settings`] and [`Work`] to a [`Chart`]; `command::chart` registers it by name.
 
+mod axis;
 pub(crate) mod compliance;
 pub(crate) mod haptics;
+mod legend;
 pub(crate) mod plot;
 pub(crate) mod solvers;
 pub(crate) mod table;

@@ -5,23 +5,14 @@ use std::path::Path;
 
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
-use plotters::element::DashedPathElement;
 use plotters::prelude::*;
+
+pub(crate) use super::axis::Axis;
+use super::axis::{logarithmic, number};
+use super::legend::Legend;
 
 /// Width of the legend (pixels).
 const LEGEND: u32 = 250;
-
-/// Distinguishable also without red or green (Okabe and Ito 2008), then grey.
-const COLORS: [RGBColor; 8] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(230, 159, 0),
-    RGBColor(86, 180, 233),
-    RGBColor(0, 0, 0),
-    RGBColor(130, 130, 130),
-];
 
 /// How a series is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,27 +36,6 @@ pub(crate) struct Series {
     pub(crate) mark: Mark,
     /// Points (x, y); those that a logarithmic axis cannot show are left out.
     pub(crate) points: Vec<(f64, f64)>,
-}
-
-/// An axis.
-#[derive(Clone, Debug)]
-pub(crate) struct Axis {
-    /// What it shows, with its unit.
-    pub(crate) label: String,
-    /// Logarithmic.
-    pub(crate) log: bool,
-}
-
-impl Axis {
-    /// A logarithmic axis.
-    pub(crate) fn log(label: &str) -> Self {
-        Self { label: label.into(), log: true }
-    }
-
-    /// A linear axis.
-    pub(crate) fn linear(label: &str) -> Self {
-        Self { label: label.into(), log: false }
-    }
 }
 
 /// One coordinate system.
@@ -119,37 +89,22 @@ impl Layout {
     }
 }
 
-/// Draws panels row by row, and one legend for all beside them.
+/// Draws panels row by row, and their legend beside them.
 pub(crate) fn draw(path: &Path, title: &str, panels: &[Panel], layout: Layout) -> Result<(), Box<dyn Error>> {
     let columns = layout.columns.clamp(1, panels.len().max(1));
     let rows = panels.len().div_ceil(columns).max(1);
-    let mut names: Vec<(&str, Mark)> = Vec::new();
-    for series in panels.iter().flat_map(|p| &p.series) {
-        if names.iter().all(|(name, _)| *name != series.name) {
-            names.push((&series.name, series.mark));
-        }
-    }
+    let legend = Legend::of(panels);
     let width = layout.panel.0 * columns as u32;
     // A short sheet must still hold its legend.
-    let height = (layout.panel.1 * rows as u32 + 40).max(70 + 22 * names.len() as u32);
+    let height = (layout.panel.1 * rows as u32 + 40).max(70 + legend.height());
     let root = SVGBackend::new(path, (width + LEGEND, height)).into_drawing_area();
     root.fill(&WHITE)?;
     let root = root.titled(title, ("sans-serif", 20))?;
     let (left, right) = root.split_horizontally(width);
     for (panel, area) in panels.iter().zip(left.split_evenly((rows, columns))) {
-        draw_panel(&area, panel, &names)?;
+        draw_panel(&area, panel, &legend)?;
     }
-    for (k, &(name, mark)) in names.iter().enumerate() {
-        let y = 30 + 22 * k as i32;
-        let style = Style::of(k);
-        if mark != Mark::Points {
-            stroke(&right, mark, style.color, &[(10, y), (40, y)])?;
-        }
-        if matches!(mark, Mark::Points | Mark::Joined) {
-            style.draw(&right, (25, y))?;
-        }
-        right.draw(&Text::new(name.to_string(), (48, y - 7), ("sans-serif", 13)))?;
-    }
+    legend.draw(&right)?;
     root.present()?;
     Ok(())
 }
@@ -157,25 +112,21 @@ pub(crate) fn draw(path: &Path, title: &str, panels: &[Panel], layout: Layout) -
 fn draw_panel(
     area: &DrawingArea<SVGBackend<'_>, Shift>,
     panel: &Panel,
-    names: &[(&str, Mark)],
+    legend: &Legend<'_>,
 ) -> Result<(), Box<dyn Error>> {
     let (x, y) = (panel.limits(|p| p.0, panel.x.log), panel.limits(|p| p.1, panel.y.log));
     match (panel.x.log, panel.y.log) {
-        (true, true) => on(area, panel, names, (x.0..x.1).log_scale(), (y.0..y.1).log_scale()),
-        (true, false) => on(area, panel, names, (x.0..x.1).log_scale(), linear(y)),
-        (false, true) => on(area, panel, names, linear(x), (y.0..y.1).log_scale()),
-        (false, false) => on(area, panel, names, linear(x), linear(y)),
+        (true, true) => on(area, panel, legend, logarithmic(x), logarithmic(y)),
+        (true, false) => on(area, panel, legend, logarithmic(x), y.0..y.1),
+        (false, true) => on(area, panel, legend, x.0..x.1, logarithmic(y)),
+        (false, false) => on(area, panel, legend, x.0..x.1, y.0..y.1),
     }
-}
-
-fn linear((from, to): (f64, f64)) -> std::ops::Range<f64> {
-    from..to
 }
 
 fn on<X, Y>(
     area: &DrawingArea<SVGBackend<'_>, Shift>,
     panel: &Panel,
-    names: &[(&str, Mark)],
+    legend: &Legend<'_>,
     x: X,
     y: Y,
 ) -> Result<(), Box<dyn Error>>
@@ -204,8 +155,7 @@ where
         .axis_desc_style(("sans-serif", 14))
         .draw()?;
     for series in &panel.series {
-        let Some(k) = names.iter().position(|(name, _)| *name == series.name) else { continue };
-        let style = Style::of(k);
+        let Some(style) = legend.style(&series.name) else { continue };
         let points: Vec<(f64, f64)> = series.points.iter().copied().filter(|p| panel.shows(p)).collect();
         match series.mark {
             Mark::Line => {
@@ -228,55 +178,6 @@ where
                 style.draw(&inner, (at.0 - origin.0, at.1 - origin.1))?;
             }
         }
-    }
-    Ok(())
-}
-
-/// A number as short as it stays readable; a thousandth that rounding made smaller like any other.
-fn number(v: &f64) -> String {
-    let size = v.abs();
-    if size != 0.0 && !(0.000_999_999..1e5).contains(&size) {
-        format!("{v:.0e}")
-    } else {
-        format!("{}", (v * 1e6).round() / 1e6)
-    }
-}
-
-/// Colour and shape of a series: colours go round first, then shapes.
-#[derive(Clone, Copy)]
-struct Style {
-    color: RGBColor,
-    shape: usize,
-}
-
-impl Style {
-    fn of(k: usize) -> Self {
-        Self { color: COLORS[k % COLORS.len()], shape: (k + k / COLORS.len()) % 4 }
-    }
-
-    fn draw(self, area: &DrawingArea<SVGBackend<'_>, Shift>, (x, y): (i32, i32)) -> Result<(), Box<dyn Error>> {
-        let fill = self.color.filled();
-        match self.shape {
-            0 => area.draw(&Circle::new((x, y), 4, fill))?,
-            1 => area.draw(&TriangleMarker::new((x, y), 6, fill))?,
-            2 => area.draw(&Rectangle::new([(x - 4, y - 4), (x + 4, y + 4)], fill))?,
-            _ => area.draw(&Cross::new((x, y), 4, self.color.stroke_width(2)))?,
-        }
-        Ok(())
-    }
-}
-
-/// A straight piece in the legend.
-fn stroke(
-    area: &DrawingArea<SVGBackend<'_>, Shift>,
-    mark: Mark,
-    color: RGBColor,
-    ends: &[(i32, i32); 2],
-) -> Result<(), Box<dyn Error>> {
-    match mark {
-        Mark::Dashed => area.draw(&DashedPathElement::new(*ends, 6, 4, color.stroke_width(2)))?,
-        Mark::Joined => area.draw(&PathElement::new(*ends, color.mix(0.5).stroke_width(1)))?,
-        _ => area.draw(&PathElement::new(*ends, color.stroke_width(2)))?,
     }
     Ok(())
 }

@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
-use comfy_table::{Cell, CellAlignment, Table as Screen, presets};
+use comfy_table::{Cell, CellAlignment};
 use miette::{IntoDiagnostic, Result, WrapErr};
+
+use crate::screen;
 
 /// One entry.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,8 +59,7 @@ impl Table {
 
     /// As text for people.
     pub(crate) fn screen(&self) -> String {
-        let mut screen = Screen::new();
-        screen.load_style(presets::UTF8_FULL_CONDENSED);
+        let mut screen = screen::table();
         screen.set_header(&self.columns);
         for row in &self.rows {
             screen.add_row(row.iter().map(|value| match value {

@@ -51,11 +51,20 @@ fn as_text(name: &str, report: &EquilibriumReport, moved: f64, weight: &[f64; 3]
             report.newton.status
         )
     };
-    let of = |v: &[f64]| format!("({:.6}, {:.6}, {:.6}) N", v[0], v[1], v[2]);
+    // Rounded to what is printed, so that no zero has a sign.
+    let of = |v: &[f64]| {
+        let [x, y, z] = [v[0], v[1], v[2]].map(|c| (c * 1e6).round() / 1e6 + 0.0);
+        format!("({x:.6}, {y:.6}, {z:.6}) N")
+    };
+    let loaded = weight.iter().any(|c| *c != 0.0);
+    let share = match loaded {
+        true => format!(", {:.2e} of the forces", report.newton.relative_residual),
+        false => ": no gravity acts, the body is as it was".to_string(),
+    };
     format!(
         "{name}: {outcome}\n\
          load steps {}, halved {}; Newton iterations {}, line-search cuts {}, filtered {}, raised {}\n\
-         residual {:.2e} N, {:.2e} of the forces\n\
+         residual {:.2e} N{}\n\
          reaction {}, weight {}\n\
          largest displacement {:.4} mm",
         report.load_steps,
@@ -65,7 +74,7 @@ fn as_text(name: &str, report: &EquilibriumReport, moved: f64, weight: &[f64; 3]
         report.filtered,
         report.raised,
         report.newton.residual,
-        report.newton.relative_residual,
+        share,
         of(report.reaction.as_slice()),
         of(weight),
         moved * 1e3

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use comfy_table::{Cell, CellAlignment, Table, presets};
+use comfy_table::{Cell, CellAlignment};
 use miette::{Report, Result};
 use nalgebra::Matrix3;
 use palpate::constraints::compliance::{ComplianceMethod, MotionCorrection};
@@ -20,6 +20,7 @@ use palpate::world::{Plan, Sampling, World};
 use std::sync::Arc;
 
 use crate::output::say;
+use crate::screen;
 
 /// Contacts for which the rungs of a ladder are compared.
 const CONTACTS: usize = 10;
@@ -30,8 +31,7 @@ const STEPS: usize = 9;
 pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
     let world = Scene::open(scene).map_err(super::report)?.build().map_err(super::report)?;
     say(format_args!("{}: {}", world.scene().name(), world.plan()))?;
-    let mut table = Table::new();
-    table.load_style(presets::UTF8_FULL_CONDENSED);
+    let mut table = screen::table();
     table.set_header(["", "predicted, nominal machine [ms]", "measured here [ms]"]);
     let mut simulation = Simulation::new(&world).map_err(|e| Report::msg(e.to_string()))?;
     let here = FactorTimes::measure(&world, &mut simulation)?;

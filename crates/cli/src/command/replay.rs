@@ -14,7 +14,7 @@ pub(crate) fn replay(trace: &Path) -> Result<u8> {
     let path = trace.display();
     if let Some(damage) = &report.damage {
         eprintln!(
-            "warning: {path}: {damage}; its {} replayed",
+            "warning: {damage}; its {} replayed",
             counted(report.ticks, "tick before that is", "ticks before that are")
         );
     }

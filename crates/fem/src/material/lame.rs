@@ -51,8 +51,8 @@ impl Lame {
 /// Material parameters outside the range of their law.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum MaterialError {
-    /// Young's modulus is not a positive number.
-    #[error("young = {0} Pa: Young's modulus must be positive and finite (soft tissue: 1e3 to 1e6)")]
+    /// Young's modulus is not a positive number, or beyond that of any solid.
+    #[error("young = {} Pa: Young's modulus must be positive and at most 1e15 (soft tissue: 1e3 to 1e6)", short(*.0))]
     Young(f64),
     /// Poisson's ratio is outside `(-1, 0.5)`.
     #[error("poisson = {0}: Poisson's ratio must lie in -1 < poisson < 0.5 (soft tissue: 0.4 to 0.49)")]
@@ -112,9 +112,17 @@ pub enum MaterialError {
     },
 }
 
+/// Largest Young's modulus (Pa): a thousand times that of diamond, and far from where products of it leave the range of f64.
+const STIFFEST: f64 = 1e15;
+
+/// A number without a row of zeros.
+fn short(value: f64) -> String {
+    if value.abs() < 1e15 { value.to_string() } else { format!("{value:e}") }
+}
+
 /// Checks the range of Young's modulus (Pa) and Poisson's ratio.
 pub(crate) fn validate_young_poisson(young: f64, poisson: f64) -> Result<(), MaterialError> {
-    if !(young > 0.0 && young.is_finite()) {
+    if !(young > 0.0 && young <= STIFFEST) {
         return Err(MaterialError::Young(young));
     }
     if !(poisson > -1.0 && poisson < 0.5) {

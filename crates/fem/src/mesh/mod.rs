@@ -4,6 +4,7 @@ mod check;
 mod error;
 mod promotion;
 pub mod quality;
+mod warning;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,11 +12,15 @@ use std::path::Path;
 use nalgebra::{Matrix3, Vector3};
 
 pub(crate) use check::{FACES, Provenance, check, check_nodes, is_flat, repeated, sorted_faces};
-pub use error::{At, MeshError, MeshWarning};
+pub use error::{At, MeshError};
 pub use quality::MeshQuality;
+pub use warning::MeshWarning;
 
 use crate::format;
 use crate::surface::Surface;
+
+/// Widest mesh (m) that a scale may make: volumes and what is made of them stay within the range of f64.
+const VASTEST: f64 = 1e12;
 
 /// A tetrahedral mesh in metres. Positive volume: `det(x1-x0, x2-x0, x3-x0) > 0` for every tetrahedron.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -79,6 +84,11 @@ impl TetMesh {
         }
         for x in &mut self.nodes {
             *x *= factor;
+        }
+        let diagonal = self.bounding_box().diagonal();
+        if diagonal.is_nan() || diagonal > VASTEST {
+            let what = format!("with scale {factor:e} the mesh is {diagonal:.1e} m across, more than {VASTEST:e}");
+            return Err(MeshError::Inconsistent { at: At::default(), what });
         }
         Ok(self)
     }

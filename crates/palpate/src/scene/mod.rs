@@ -68,8 +68,10 @@ impl Scene {
     /// # Errors
     /// An unreadable file, an unknown key or value, a value outside its range: with the place and the remedy.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
+        let unreadable = |source| SceneError::Unreadable { path: path.into(), source };
+        let bytes = std::fs::read(path).map_err(unreadable)?;
         let text =
-            std::fs::read_to_string(path).map_err(|source| SceneError::Unreadable { path: path.into(), source })?;
+            String::from_utf8(bytes).map_err(|_| unreadable(std::io::Error::other("this is not a text file")))?;
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
         Self::parse(text, path.display().to_string(), Files::Folder(folder))
     }

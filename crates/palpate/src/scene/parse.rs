@@ -27,7 +27,7 @@ impl Source<'_> {
 
     fn syntax(&self, error: &toml::de::Error) -> SceneError {
         let message = error.message().trim().to_string();
-        let remedy = suggestion(&message);
+        let remedy = suggestion(&message).or_else(|| kind_wanted(&message));
         SceneError::invalid(self.origin, self.text, error.span().unwrap_or(0..0), message, remedy)
     }
 
@@ -55,6 +55,21 @@ impl Source<'_> {
         }
         span
     }
+}
+
+/// What a value should be, where serde says it in words of Rust.
+fn kind_wanted(message: &str) -> Option<String> {
+    let wanted = message.rsplit_once("expected ")?.1;
+    let remedy = match wanted {
+        "f64" => {
+            "give a number without a unit, as 1060.0; the comments of the bundled scenes name the unit of each key"
+        }
+        "u16" | "u32" | "u64" | "usize" => "give a whole number that is not negative",
+        "an array of length 3" => "give three numbers, as [0.0, 0.0, 0.01]",
+        "a boolean" => "give true or false",
+        _ => return None,
+    };
+    Some(remedy.into())
 }
 
 /// Turns serde's "unknown field `x`, expected one of `a`, `b`" into "did you mean `a`?".

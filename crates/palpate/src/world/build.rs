@@ -18,6 +18,7 @@ use super::haptics::late_hand_over;
 use super::outside::Basis;
 use super::pairs::apart;
 use super::precomputed::skin_nodes;
+use super::units::{implausible, vast_tool};
 use super::{Bodies, CouplingChoice, Integration, Plan, World, change};
 use crate::scene::{Readable, Scene, SceneError, staleness};
 
@@ -25,12 +26,16 @@ use crate::scene::{Readable, Scene, SceneError, staleness};
 /// elements. What touches more waits for the next factor.
 const MOST_TOUCHED: usize = 120;
 
+/// Overlap of tool and skin at the start (m) that is not worth a word.
+const SHALLOW: f64 = 1e-4;
+
 /// Builds the world of a checked scene.
 pub(crate) fn build(scene: &Scene) -> Result<World, SceneError> {
     let Loaded { mesh, warnings, unit } = load(scene)?;
     // A wrong unit shows as tools inside the body, or as planes that hold every node.
+    let unit = unit.map(|warning| warning.to_string()).or_else(|| vast_tool(scene, &mesh));
     assemble(scene, mesh, warnings).map_err(|error| match &unit {
-        Some(warning) => error.hint(&warning.to_string()),
+        Some(warning) => error.hint(warning),
         None => error,
     })
 }
@@ -65,6 +70,8 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
         }
     }
     warnings.extend(locking(body, &mesh));
+    warnings.extend(vast_tool(scene, &mesh));
+    warnings.extend(implausible(scene, &mesh));
     let config = FemConfig {
         element: body.element,
         material: body.material.law,
@@ -119,7 +126,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     let geometry = SurfaceGeometry::new(surface.triangles.clone(), &mesh.nodes)
         .map_err(|e| scene.at("body.0", e.to_string(), "use a mesh with a closed boundary"))?;
     let bodies = Bodies::new(scene, &detection)?;
-    let world = World {
+    let mut world = World {
         start: Arc::default(),
         tool: description.tools[0].shape.parts().iter().map(|part| part.shape.clone().into()).collect(),
         bodies,
@@ -140,7 +147,8 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     };
     let mut skin = world.geometry.clone();
     skin.refit(&world.start().q);
-    tool_outside(&world, &skin)?;
+    let within = tool_outside(&world, &skin)?;
+    world.warnings.extend(within);
     apart(&world, &skin)?;
     with_changes(world, config, course, &fixed)
 }
@@ -187,26 +195,40 @@ fn with_changes(
     Ok(world)
 }
 
-/// Refuses a tool that begins inside the body, whose `skin` is where a run begins: there is no skin that it came through.
+/// Refuses a tool that begins deep inside the body, whose `skin` is where a run begins: there is no skin that it came
+/// through. Of one that begins in the skin it returns a warning.
 /// Where a real hand begins is its own affair.
-fn tool_outside(world: &World, skin: &SurfaceGeometry) -> Result<(), SceneError> {
+fn tool_outside(world: &World, skin: &SurfaceGeometry) -> Result<Option<String>, SceneError> {
     if world.description().hand.path.is_empty() {
-        return Ok(());
+        return Ok(None);
     }
     let mut ws = DetectionWorkspace::new(skin);
     let mut contacts = ContactSet::with_capacity(world.detection.max_contacts);
     let pose = world.first_tool();
     let report = detect_tool(skin, &world.start().q, world.tool(), &pose, &world.detection, &mut ws, &mut contacts);
-    if report.tool_inside {
-        let p = pose.frame.translation.vector;
-        let message = format!("the tool begins inside the body, at {:.4}, {:.4}, {:.4} m", p.x, p.y, p.z);
-        let remedy = match world.settled() {
-            Some(_) => {
-                "begin outside the skin of the body that has settled, then press, or set settle = false for the body"
-            }
-            None => "begin outside the skin, then press",
-        };
-        return Err(world.scene.at("hand.path.0", message, remedy));
+    // What is deeper than the range in which contact is looked for was not touched on the way there.
+    let overlap = -report.deepest_gap;
+    let deep = overlap > world.detection.margin;
+    if !report.tool_inside && !deep {
+        let shallow = overlap > SHALLOW;
+        return Ok(shallow.then(|| {
+            let overlap = 1e3 * overlap;
+            format!(
+                "the tool begins {overlap:.1} mm within the skin, which the first step pushes away; begin outside it"
+            )
+        }));
     }
-    Ok(())
+    let p = pose.frame.translation.vector;
+    let how = match report.tool_inside {
+        true => "inside the body".into(),
+        false => format!("{:.1} mm within the skin", 1e3 * overlap),
+    };
+    let message = format!("the tool begins {how}, at {:.4}, {:.4}, {:.4} m", p.x, p.y, p.z);
+    let remedy = match world.settled() {
+        Some(_) => {
+            "begin outside the skin of the body that has settled, then press, or set settle = false for the body"
+        }
+        None => "begin outside the skin, then press",
+    };
+    Err(world.scene.at("hand.path.0", message, remedy))
 }

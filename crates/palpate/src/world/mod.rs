@@ -18,6 +18,7 @@ mod sampling;
 mod selection;
 mod text;
 mod tool;
+mod units;
 
 use std::sync::{Arc, OnceLock};
 

@@ -74,7 +74,11 @@ fn node_set<'m>(scene: &Scene, place: &str, name: &str, mesh: &'m TetMesh) -> Re
     mesh.node_sets.get(name).map(Vec::as_slice).ok_or_else(|| {
         let known: Vec<_> = mesh.node_sets.keys().map(String::as_str).collect();
         let message = format!("the mesh has no node set `{name}`");
-        scene.at(place, message, format!("its node sets are: {}", known.join(", ")))
+        let remedy = match known.as_slice() {
+            [] => "it has no node sets; choose nodes by place, as { below = { axis = \"z\", at = 0.0 } }".into(),
+            _ => format!("its node sets are: {}", known.join(", ")),
+        };
+        scene.at(place, message, remedy)
     })
 }
 

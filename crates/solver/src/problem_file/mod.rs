@@ -1,4 +1,4 @@
-//! Contact problems in files: our own format, and those of Siconos in [`siconos`].
+//! Contact problems in files: our own format, those of Siconos in [`siconos`], and FCLIB's.
 //!
 //! Ours is JSON, so that any language reads it: `format` (always `palpate-contact-problem`), `version` (1), `blocks`
 //! (`start` and `law` each), `delta_free` (m), `compliance` (m/N, an array of columns), and where they are known the forces
@@ -7,14 +7,11 @@
 //! diagonal, asymmetry) can be written and read, since such problems are what one wants to look at; numbers that are not
 //! finite cannot, since JSON has none.
 //!
-//! [`open`] tells the formats apart by their content. FCLIB files (HDF5) are recognised and refused with a sentence. The
-//! bindings to the HDF5 library need that library of the system; the readers in pure Rust (`hdf5-reader` 0.12, `hdf5-pure`
-//! 0.47, both MIT or Apache) are before their first stable version, and nothing here shows that they read what old versions of
-//! the library wrote. FCLIB holds `W` as a sparse matrix of one of the kinds of SuiteSparse (triplets, compressed
-//! rows or columns, told apart by a number) or as a global problem without `W`; a reader of these layouts that was never
-//! run on a file of the library's own making would be a guess, and none is at hand. Siconos writes the same problems as text
-//! (`frictionContact_printInFilename`), which is read.
+//! [`open`] tells the formats apart by their content. Files of FCLIB are HDF5, and read where the feature `fclib` is on: by
+//! `hdf5-reader`, which is pure Rust, needs no library of the system, and is hardened against malformed files.
 
+#[cfg(feature = "fclib")]
+pub mod fclib;
 pub mod siconos;
 
 use crate::problem::{Block, ConstraintProblem, ProblemError};
@@ -51,13 +48,17 @@ pub enum ProblemFileError {
         /// Its version.
         version: u32,
     },
-    /// The file is HDF5.
-    #[error(
-        "HDF5 files (FCLIB) are not read: the bindings need the system's HDF5 library, and there was no file of FCLIB's own making \
-         to prove a reader in pure Rust on; convert the problem to `{FORMAT}`, which is JSON, or let Siconos write it as text \
-         (frictionContact_printInFilename)"
-    )]
+    /// The file is HDF5, and this build cannot read it.
+    #[cfg(not(feature = "fclib"))]
+    #[error("HDF5 files (FCLIB) are not read by this build; build it with the feature `fclib`")]
     Hdf5,
+    /// The file is HDF5 but not a problem of FCLIB that is read.
+    #[cfg(feature = "fclib")]
+    #[error("HDF5 (FCLIB): {what}")]
+    Fclib {
+        /// What is wrong, with the path within the file.
+        what: String,
+    },
     /// There is nothing in the file.
     #[error("the file is empty")]
     Empty,
@@ -262,7 +263,8 @@ pub fn load(path: &Path) -> Result<ConstraintProblem, ProblemFileError> {
     read(std::io::BufReader::new(file))
 }
 
-/// Reads a problem from a file of any format that is known: ours where it begins with `{`, else one of Siconos.
+/// Reads a problem from a file of any format that is known: ours where it begins with `{`, HDF5 by its signature, else one of
+/// Siconos.
 ///
 /// # Errors
 /// As [`read`] and [`siconos::read`], and the file.
@@ -270,7 +272,7 @@ pub fn open(path: &Path) -> Result<ConstraintProblem, ProblemFileError> {
     Ok(open_with_forces(path)?.0)
 }
 
-/// [`open`] with the forces that the file holds; those of Siconos hold none.
+/// [`open`] with the forces that the file holds; the texts of Siconos hold none.
 ///
 /// # Errors
 /// As [`open`].
@@ -278,6 +280,9 @@ pub fn open_with_forces(path: &Path) -> Result<(ConstraintProblem, Forces), Prob
     let io = |source| ProblemFileError::Io { path: path.to_path_buf(), source };
     let bytes = std::fs::read(path).map_err(io)?;
     if bytes.starts_with(b"\x89HDF\r\n\x1a\n") {
+        #[cfg(feature = "fclib")]
+        return fclib::read(bytes);
+        #[cfg(not(feature = "fclib"))]
         return Err(ProblemFileError::Hdf5);
     }
     if bytes.trim_ascii_start().first() == Some(&b'{') {

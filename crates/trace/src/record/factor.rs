@@ -1,6 +1,7 @@
 //! One refresh of the factor.
 
-use super::{FieldValue, record};
+use super::record;
+use crate::field::FieldValue;
 use crate::schema::{EnumDescription, FieldKind};
 use crate::wire::{Value, put_uint};
 

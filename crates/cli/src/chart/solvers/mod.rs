@@ -121,7 +121,7 @@ fn methods(settings: &Settings, work: &Work) -> Result<(NamedTable, Panel)> {
     let panel = Panel {
         title: "Contact methods: ball on a block with friction".into(),
         x: Axis::log("time per step [ms]"),
-        y: Axis::log("error of the force"),
+        y: Axis::log("relative error of the force"),
         series,
     };
     let title =

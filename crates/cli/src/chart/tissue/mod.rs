@@ -40,7 +40,7 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
     if work.stopped() {
         notes.push("ended early: what was measured until then".into());
     }
-    let title = "Tissue: error against time per step on one core".into();
+    let title = "Tissue: error against time per step on one core (other engines: on another machine)".into();
     let panels = std::iter::once(engines).chain(laws).collect();
     Ok(Chart { title, panels, layout: Layout::columns(3), tables, notes })
 }
@@ -164,7 +164,7 @@ fn pressing(settings: &Settings, work: &Work) -> Result<(NamedTable, Panel)> {
     columns.extend(["worst [%]", "rests", "step [ms]"].map(Into::into));
     let mut table = Table::new(&columns.iter().map(String::as_str).collect::<Vec<_>>());
     let mut series: Vec<Series> = indentation::others();
-    series.push(Series { name: "3 %".into(), mark: Mark::Dashed, points: vec![(0.5, 3.0), (200.0, 3.0)] });
+    series.push(Series { name: "3 %, the aim".into(), mark: Mark::Dashed, points: vec![(0.5, 3.0), (200.0, 3.0)] });
     let cases = indentation::cases(settings.quick);
     work.expect(cases.len());
     for case in &cases {

@@ -175,7 +175,7 @@ fn geometry(body: &BodyDescription, source: &Source<'_>) -> Checked {
         }
         let cells = block.cells.iter().try_fold(1usize, |n, &c| n.checked_mul(c)).unwrap_or(usize::MAX);
         if cells == 0 || cells > 1_000_000 {
-            let message = format!("{:?} cells", block.cells);
+            let message = format!("a block of {} × {} × {} cells", block.cells[0], block.cells[1], block.cells[2]);
             return Err(source.at(
                 "body.0.block",
                 message,

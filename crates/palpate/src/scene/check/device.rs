@@ -44,6 +44,12 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
         return Ok(());
     }
     HandScript::new(scene.hand.path.clone()).map_err(|e| {
+        let remedy = match e {
+            SetupError::ScriptSpeed { .. } => {
+                "give positions in metres and times in seconds, with entries between far places"
+            }
+            _ => "give strictly increasing times from 0 and positions in metres",
+        };
         let entry = match e {
             SetupError::ScriptGap { entry, .. }
             | SetupError::ScriptOrder { entry, .. }
@@ -53,7 +59,7 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
             | SetupError::ScriptSpeed { entry, .. } => format!("hand.path.{entry}"),
             _ => "hand.path".to_string(),
         };
-        source.at(&entry, e.to_string(), "give strictly increasing times from 0 and positions in metres")
+        source.at(&entry, e.to_string(), remedy)
     })?;
     Ok(())
 }

@@ -26,7 +26,7 @@ pub(super) fn check(scene: &SceneDescription, source: &Source<'_>) -> Checked {
         return Err(source.at(
             "name",
             format!("`{}` cannot be part of a file name", scene.name),
-            "use letters and `_`",
+            "use letters, digits, `-` and `_`",
         ));
     }
     positive(source, "seconds", scene.seconds, "s")?;
