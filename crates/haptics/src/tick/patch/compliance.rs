@@ -196,3 +196,75 @@ impl<'a> PlaceBlocks<'a> {
         sum
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Rotation3, Vector3};
+    use palpate_constraints::law::Coulomb;
+    use palpate_solver::problem::Block;
+
+    use super::*;
+
+    const NODES: usize = 7;
+
+    /// A contact of its own direction, shared by up to three nodes, of which the last is held fixed.
+    fn contact(k: usize) -> Row {
+        let f = k as f64;
+        let frame = Rotation3::from_scaled_axis(Vector3::new(0.3 + f, 0.7 * f, -0.2)).into_inner();
+        Row {
+            feature: k as u64,
+            body: None,
+            places: [(k % NODES, 0.5), ((k + 2) % NODES, 0.3), (NODES + k, 0.2)],
+            count: 1 + k % 3,
+            touches: true,
+            frame,
+            local: frame,
+            lever: Vector3::new(0.01, 0.002 * f, -0.003),
+            opens: Vector3::zeros(),
+            force: Vector3::zeros(),
+            load: Vector3::zeros(),
+            slip: Vector3::zeros(),
+            stuck: 0,
+            gap: 0.0,
+        }
+    }
+
+    /// A symmetric C (m/N) of nodes that feel one another.
+    fn compliance() -> Vec<f64> {
+        let n = 3 * NODES;
+        let entry =
+            |i: usize, j: usize| 1e-3 * (-0.4 * i.abs_diff(j) as f64).exp() * (1.0 + 0.1 * ((i + j) % 3) as f64);
+        (0..n * n).map(|k| entry(k / n, k % n)).collect()
+    }
+
+    #[test]
+    fn frictional_contacts_have_the_same_compliance_side_by_side_and_block_by_block() {
+        let mut rows = Rows::new(5, 0);
+        for k in 0..5 {
+            rows.contact.push(contact(k));
+            rows.blocks.push(Block { start: 3 * k, law: Coulomb { friction: 0.5 }.into() });
+            rows.delta_free.extend([0.0; 3]);
+        }
+        let (c, m) = (compliance(), rows.len());
+        let places = PlaceBlocks { compliance: &c, stride: 3 * NODES, yields: 0.7 };
+        let tool = ToolYield { c: 2e-4, turning: 0.0, opening: 0.0 };
+        assert!(tool.only_moves() && rows.all_have_friction());
+        let mut w = vec![f64::NAN; m * m];
+        assert!(rows.frictional_into(tool.c, &places, &mut w));
+        for (l, b) in rows.contact.iter().enumerate() {
+            for (k, a) in rows.contact.iter().enumerate() {
+                let block = tool.block(a, b, &places);
+                for (r, s) in (0..3).flat_map(|r| (0..3).map(move |s| (r, s))) {
+                    let (at, mirrored) = ((3 * l + s) * m + 3 * k + r, (3 * k + r) * m + 3 * l + s);
+                    assert_eq!(w[at], w[mirrored], "symmetric to the bit");
+                    // A few sums of products of numbers up to 1e-3.
+                    assert!((w[at] - block[(r, s)]).abs() < 1e-17, "{k} {l}: {} {}", w[at], block[(r, s)]);
+                }
+            }
+        }
+        let mut broken = c.clone();
+        broken[0] = f64::NAN;
+        let places = PlaceBlocks { compliance: &broken, ..places };
+        assert!(!rows.frictional_into(tool.c, &places, &mut w), "a number that is not finite is told");
+    }
+}
