@@ -229,7 +229,9 @@ pub(crate) fn retain_from(features: &mut Vec<Feature>, start: usize, mut keep: i
     let mut kept = start;
     for k in start..features.len() {
         if keep(&features[k]) {
-            features.swap(kept, k);
+            if kept != k {
+                features.swap(kept, k);
+            }
             kept += 1;
         }
     }

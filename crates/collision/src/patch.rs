@@ -8,7 +8,7 @@
 use nalgebra::{Isometry3, Vector3};
 
 use crate::contact::Contact;
-use crate::detection::{ContactKind, DetectionConfig, keep_deepest_of, keep_faced};
+use crate::detection::{ContactKind, DetectionConfig, Rank, keep_deepest_of, keep_faced};
 use crate::features::{Collector, Feature, Meeting, Skin};
 use crate::narrow_phase::HullInWorld;
 use crate::shape::ToolShape;
@@ -199,6 +199,7 @@ impl Skin for SkinPatch {
 #[derive(Clone, Debug)]
 pub struct PatchDetection {
     features: Vec<Feature>,
+    ranks: Vec<Rank>,
     contacts: Vec<Contact>,
     max_contacts: usize,
     hull: HullInWorld,
@@ -221,8 +222,8 @@ impl PatchDetection {
         let mut hull = HullInWorld::default();
         parts.filter_map(ToolShape::hull).for_each(|shape| hull.place(shape, &Isometry3::identity()));
         // A triangle gives a capsule three points; a hull's corners and edges may give more, and the collector bounds them.
-        let features = Vec::with_capacity(8 * max_nodes + 64);
-        Self { features, contacts: Vec::with_capacity(max_contacts), max_contacts, hull }
+        let (room, contacts) = (8 * max_nodes + 64, Vec::with_capacity(max_contacts));
+        Self { features: Vec::with_capacity(room), ranks: Vec::with_capacity(room), contacts, max_contacts, hull }
     }
 
     /// Contacts of the last detection, ascending by feature. Their nodes are numbers within the patch.
@@ -233,7 +234,6 @@ impl PatchDetection {
 
     /// Finds the contacts between the patch, its nodes at `positions` \[m\], and the tool at a pose. Returns how many
     /// contacts found no room: those are the shallowest. Work is bounded by the patch and the tool; nothing is allocated.
-    ///
     /// The side from which the tool came is that of the detection that the patch was gathered with.
     pub fn detect(
         &mut self,
@@ -276,7 +276,7 @@ impl PatchDetection {
         // The memory of the contacts is what there is: a larger wish must not make it grow.
         let room = config.max_contacts.min(self.max_contacts);
         let config = DetectionConfig { max_contacts: room, ..*config };
-        crowded + keep_deepest_of(&mut self.features, &config, &mut self.contacts).dropped
+        crowded + keep_deepest_of(&mut self.features, &mut self.ranks, &config, &mut self.contacts).dropped
     }
 
     /// Appends the features of one part, and returns how many found no room.

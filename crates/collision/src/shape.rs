@@ -131,7 +131,16 @@ impl ToolShape {
     }
 
     /// Nearest point of the tool to `point`, all in the world frame \[m\].
+    #[inline]
     pub fn signed_distance(&self, pose: &Isometry3<f64>, point: &Vector3<f64>) -> ToolPoint {
+        match &self.geometry {
+            // A ball is the same however it is turned.
+            Geometry::Sphere { radius } => from_core(point, pose.translation.vector, *radius),
+            Geometry::Capsule { .. } | Geometry::Convex(_) => self.distance_when_turned(pose, point),
+        }
+    }
+
+    fn distance_when_turned(&self, pose: &Isometry3<f64>, point: &Vector3<f64>) -> ToolPoint {
         let local = pose.inverse_transform_point(&Point3::from(*point)).coords;
         let near = match &self.geometry {
             Geometry::Sphere { radius } => from_core(&local, Vector3::zeros(), *radius),
@@ -262,6 +271,7 @@ impl ToolShape {
 }
 
 /// Distance to a ball of `radius` about the nearest point `core` of an axis.
+#[inline]
 fn from_core(x: &Vector3<f64>, core: Vector3<f64>, radius: f64) -> ToolPoint {
     let away = x - core;
     let distance = away.norm();

@@ -69,6 +69,6 @@ pub fn detect_solid(
             held: false,
         });
     }
-    keep_deepest(&mut ws.features, config, &mut out.contacts, &mut report);
+    keep_deepest(&mut ws.features, &mut ws.ranks, config, &mut out.contacts, &mut report);
     report
 }

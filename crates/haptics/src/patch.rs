@@ -20,6 +20,7 @@
 use nalgebra::Vector3;
 use palpate_collision::SkinPatch;
 use palpate_constraints::law::{Law, Signorini};
+use palpate_solver::vectors::add_scaled;
 
 use crate::body_contact::BodyContacts;
 
@@ -191,25 +192,25 @@ impl HapticPatch {
         &mut self.compliance[..n * n]
     }
 
-    /// `moved = C f` \[m\] for forces at all places \[N\]; those without force cost nothing.
-    pub fn yielding(&self, force: &[Vector3<f64>], moved: &mut [Vector3<f64>]) {
+    /// `moved = C f` \[m\] for forces at all places \[N\]; those without force cost nothing. `sum` is scratch of three numbers a place.
+    pub fn yielding(&self, force: &[Vector3<f64>], sum: &mut [f64], moved: &mut [Vector3<f64>]) {
         moved.fill(Vector3::zeros());
-        let n = self.degrees_of_freedom();
+        let n = self.degrees_of_freedom().min(sum.len());
         if n == 0 {
             return;
         }
-        for (columns, f) in self.compliance().chunks_exact(3 * n).zip(force) {
+        let sum = &mut sum[..n];
+        sum.fill(0.0);
+        for (columns, f) in self.compliance().chunks_exact(3 * self.degrees_of_freedom()).zip(force) {
             if *f == Vector3::zeros() {
                 continue;
             }
-            let (x, rest) = columns.split_at(n);
-            let (y, z) = rest.split_at(n);
-            let columns = x.chunks_exact(3).zip(y.chunks_exact(3)).zip(z.chunks_exact(3));
-            for (to, ((x, y), z)) in moved.iter_mut().zip(columns) {
-                to.x += x[0] * f.x + y[0] * f.y + z[0] * f.z;
-                to.y += x[1] * f.x + y[1] * f.y + z[1] * f.z;
-                to.z += x[2] * f.x + y[2] * f.y + z[2] * f.z;
-            }
+            let (x, rest) = columns.split_at(columns.len() / 3);
+            let (y, z) = rest.split_at(rest.len() / 2);
+            add_scaled(sum, [x, y, z], [f.x, f.y, f.z]);
+        }
+        for (to, sum) in moved.iter_mut().zip(sum.as_chunks::<3>().0) {
+            *to = (*sum).into();
         }
     }
 

@@ -34,5 +34,5 @@ mod rough_sweeps;
 mod single;
 pub mod solver;
 mod tableau;
-mod vectors;
+pub mod vectors;
 pub mod watch;

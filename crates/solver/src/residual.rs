@@ -70,13 +70,11 @@ pub(crate) fn natural_map_scaled(
     lambda: &[f64],
 ) -> Residual {
     let mut found = Shares::default();
-    let (eights, rest) = view.blocks.as_chunks::<8>();
-    for (k, eight) in eights.iter().enumerate() {
-        if !found.admit_frictional(8 * k, eight, &rho, delta, lambda) {
-            found.admit(8 * k, eight, &rho, delta, lambda);
+    for (k, some) in view.blocks.chunks(8).enumerate() {
+        if some.len() < 2 || !found.admit_frictional(8 * k, some, &rho, delta, lambda) {
+            found.admit(8 * k, some, &rho, delta, lambda);
         }
     }
-    found.admit(8 * eights.len(), rest, &rho, delta, lambda);
     Residual { relative: found.sum.sqrt() / scale, worst_block: found.worst_block, worst_gap: found.worst.sqrt() }
 }
 
@@ -108,34 +106,36 @@ impl Shares {
         }
     }
 
-    /// The same for eight contacts with Coulomb's law; `false`, and nothing is added, for others.
+    /// The same for up to eight contacts with Coulomb's law; `false`, and nothing is added, for others.
     fn admit_frictional(
         &mut self,
         first: usize,
-        blocks: &[Block; 8],
+        blocks: &[Block],
         rho: impl Fn(usize) -> f64,
         delta: &[f64],
         lambda: &[f64],
     ) -> bool {
         let mut contacts = EightContacts::default();
-        let at = blocks[0].start;
-        let (Some(delta), Some(lambda)) = (delta.get(at..at + 24), lambda.get(at..at + 24)) else { return false };
-        for (k, block) in blocks.iter().enumerate() {
+        let rows = blocks.first().map_or(0..0, |block| block.start..block.start + 3 * blocks.len());
+        let (Some(delta), Some(lambda)) = (delta.get(rows.clone()), lambda.get(rows)) else { return false };
+        let numbers = delta.as_chunks::<3>().0.iter().zip(lambda.as_chunks::<3>().0);
+        for (k, (block, (delta, lambda))) in blocks.iter().zip(numbers).enumerate().take(8) {
             let Law::Coulomb(law) = block.law else { return false };
             contacts.friction[k] = law.friction;
             contacts.rho[k] = rho(first + k);
             for c in 0..3 {
-                contacts.delta[c][k] = delta[3 * k + c];
-                contacts.lambda[c][k] = lambda[3 * k + c];
+                contacts.delta[c][k] = delta[c];
+                contacts.lambda[c][k] = lambda[c];
             }
         }
         let squared = |rows: &[[f64; 8]; 3], k: usize| {
             rows[0][k] * rows[0][k] + rows[1][k] * rows[1][k] + rows[2][k] * rows[2][k]
         };
         let maps = contacts.natural_maps();
+        // In each lane, whether a contact is in it or not: a loop over as many as there are would go one by one.
         let shares: [f64; 8] =
             std::array::from_fn(|k| share(squared(&maps, k), squared(&contacts.lambda, k), contacts.rho[k]));
-        for (k, share) in shares.iter().enumerate() {
+        for (k, share) in shares.iter().enumerate().take(blocks.len()) {
             self.note(first + k, *share);
         }
         true

@@ -29,6 +29,12 @@ pub(crate) fn add_columns(view: &ProblemView<'_>, block: &Block, change: &Vector
     }
 }
 
+/// `to += sum of factor times column`, as far as all are long.
+#[inline]
+pub fn add_scaled<const N: usize>(to: &mut [f64], columns: [&[f64]; N], factors: [f64; N]) {
+    Arch::new().dispatch(Add { to, columns, factors, first: 0 });
+}
+
 /// `to += sum of factor times column`.
 struct Add<'a, const N: usize> {
     to: &'a mut [f64],

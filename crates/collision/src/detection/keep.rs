@@ -25,14 +25,34 @@ pub(crate) fn keep_faced(
     before - features.len()
 }
 
+/// The place of a feature in the order of depth: small, where features are large to move.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rank {
+    gap: f64,
+    feature: u64,
+    index: u32,
+}
+
+impl Rank {
+    fn new((index, feature): (usize, &Feature)) -> Self {
+        Self { gap: feature.contact.gap, feature: feature.contact.feature, index: index as u32 }
+    }
+
+    /// The features in this order.
+    fn order<'a>(ranks: &'a [Self], features: &'a [Feature]) -> impl Iterator<Item = &'a Feature> {
+        ranks.iter().filter_map(|rank| features.get(rank.index as usize))
+    }
+}
+
 /// Merges near-duplicates into the deepest of them, held points apart, and keeps the deepest contacts, ascending by feature.
 pub(crate) fn keep_deepest(
     features: &mut Vec<Feature>,
+    ranks: &mut Vec<Rank>,
     config: &DetectionConfig,
     contacts: &mut Vec<Contact>,
     report: &mut DetectionReport,
 ) {
-    let kept = keep_deepest_of(features, config, contacts);
+    let kept = keep_deepest_of(features, ranks, config, contacts);
     report.merged += kept.merged;
     report.dropped += kept.dropped;
     report.contacts = contacts.len();
@@ -47,9 +67,10 @@ pub(crate) struct Kept {
     pub(crate) deepest_gap: f64,
 }
 
-/// As [`keep_deepest`], without the report of a whole detection.
+/// As [`keep_deepest`], without the report of a whole detection. `ranks` is scratch.
 pub(crate) fn keep_deepest_of(
     features: &mut Vec<Feature>,
+    ranks: &mut Vec<Rank>,
     config: &DetectionConfig,
     contacts: &mut Vec<Contact>,
 ) -> Kept {
@@ -58,21 +79,25 @@ pub(crate) fn keep_deepest_of(
     let before = features.len();
     features.dedup_by_key(|f| f.contact.feature);
     let mut kept = Kept { merged: before - features.len(), dropped: 0, deepest_gap: f64::INFINITY };
-    features.sort_unstable_by(by_depth);
+    let features = features.as_slice();
+    ranks.clear();
+    ranks.extend(features.iter().enumerate().map(Rank::new));
+    // Ties by feature, so that the order never depends on how features were found.
+    ranks.sort_unstable_by(|a, b| a.gap.total_cmp(&b.gap).then(a.feature.cmp(&b.feature)));
 
     let near = config.merge_distance * config.merge_distance;
     let aligned = config.merge_angle.min(std::f64::consts::PI).cos();
-    contacts.reserve(config.max_contacts.min(features.capacity()));
-    for (visited, feature) in features.iter().enumerate() {
+    contacts.reserve(config.max_contacts.min(ranks.capacity()));
+    for (visited, feature) in Rank::order(ranks, features).enumerate() {
         if contacts.len() == config.max_contacts {
-            kept.dropped = features.len() - visited;
+            kept.dropped = ranks.len() - visited;
             break;
         }
         let c = &feature.contact;
         let twin = |other: &Contact| {
             (other.tissue_point - c.tissue_point).norm_squared() <= near
                 && other.normal.dot(&c.normal) >= aligned
-                && !features.iter().any(|f| f.held && f.contact.feature == other.feature)
+                && !Rank::order(ranks, features).any(|f| f.held && f.contact.feature == other.feature)
         };
         if !feature.held && contacts.iter().any(twin) {
             kept.merged += 1;

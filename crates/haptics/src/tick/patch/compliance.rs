@@ -19,6 +19,9 @@ impl Rows {
         let m = self.len();
         let tool = ToolYield { c: coupling.compliance(), turning: coupling.rotational_compliance(), opening };
         let places = PlaceBlocks::new(patch, yields);
+        if tool.only_moves() && self.all_have_friction() {
+            return self.frictional_into(tool.c, &places, w);
+        }
         let mut finite = true;
         for (j, (b, columns)) in self.contact.iter().zip(&self.blocks).enumerate() {
             for (a, lines) in self.contact.iter().zip(&self.blocks).skip(j) {
@@ -44,6 +47,54 @@ impl Rows {
         }
         finite
     }
+
+    /// Whether all contacts are on the skin and have three rows.
+    fn all_have_friction(&self) -> bool {
+        let rows = self.contact.iter().zip(&self.blocks);
+        rows.into_iter().all(|(row, block)| row.body.is_none() && block.law.rows() == 3)
+    }
+
+    /// The same for such contacts and a tool that gives way by `c` \[m/N\] and does not turn.
+    fn frictional_into(&self, c: f64, places: &PlaceBlocks<'_>, w: &mut [f64]) -> bool {
+        let m = self.len();
+        // 0, or NaN.
+        let mut finite = 0.0;
+        for (k, a) in self.contact.iter().enumerate() {
+            let lines = transposed(&a.frame);
+            for (l, b) in self.contact.iter().enumerate().take(k + 1) {
+                let mut between = places.columns(a, b);
+                (0..3).for_each(|i| between[i][i] += c);
+                for s in 0..3 {
+                    let moved = times(&between, &[b.frame[(0, s)], b.frame[(1, s)], b.frame[(2, s)], 0.0]);
+                    let entries = times(&lines, &moved);
+                    finite += 0.0 * (entries[0] + entries[1] + entries[2]);
+                    let column = 3 * l + s;
+                    // Symmetric to the bit, on the diagonal too.
+                    let first = if k == l { s } else { 0 };
+                    for (r, entry) in entries.iter().enumerate().take(3).skip(first) {
+                        let row = 3 * k + r;
+                        (w[column * m + row], w[row * m + column]) = (*entry, *entry);
+                    }
+                }
+            }
+        }
+        finite == 0.0
+    }
+}
+
+/// Three columns, each with a zero, as the processor's vectors take them.
+type Columns = [[f64; 4]; 3];
+
+/// `A x`.
+#[inline(always)]
+#[allow(non_snake_case)]
+fn times(A: &Columns, x: &[f64; 4]) -> [f64; 4] {
+    std::array::from_fn(|i| A[0][i] * x[0] + A[1][i] * x[1] + A[2][i] * x[2])
+}
+
+#[allow(non_snake_case)]
+fn transposed(A: &Matrix3<f64>) -> Columns {
+    std::array::from_fn(|i| [A[(i, 0)], A[(i, 1)], A[(i, 2)], 0.0])
 }
 
 /// How the tool gives way behind its couplings.
@@ -55,6 +106,11 @@ struct ToolYield {
 }
 
 impl ToolYield {
+    /// Whether it neither turns nor opens.
+    fn only_moves(&self) -> bool {
+        self.turning <= 0.0 && self.opening <= 0.0
+    }
+
     /// Displacement of the tool's point of `a` per force at that of `b` by translation and opening, over `start` \[m/N\].
     #[inline]
     fn translation(&self, start: Matrix3<f64>, a: &Row, b: &Row) -> Matrix3<f64> {
@@ -113,23 +169,102 @@ impl<'a> PlaceBlocks<'a> {
     /// Displacement of the point of `a` per force at the point of `b` \[m/N\].
     #[inline]
     fn between(&self, a: &Row, b: &Row) -> Matrix3<f64> {
-        let mut sum = Matrix3::zeros();
+        let columns = self.columns(a, b);
+        Matrix3::from_fn(|r, s| columns[s][r])
+    }
+
+    /// The same by columns.
+    #[inline]
+    fn columns(&self, a: &Row, b: &Row) -> Columns {
+        let mut sum = [[0.0; 4]; 3];
         for &(q, share) in &b.places[..b.count] {
             for &(p, weight) in &a.places[..a.count] {
                 // Nodes that are held fixed come last and have no compliance.
                 if 3 * p.max(q) < self.stride {
-                    for column in 0..3 {
+                    let share = weight * share * self.yields;
+                    for (column, sum) in sum.iter_mut().enumerate() {
                         let at = (3 * q + column) * self.stride + 3 * p;
                         if let Some([x, y, z]) = self.compliance.get(at..at + 3) {
-                            let share = weight * share * self.yields;
-                            sum[(0, column)] += share * x;
-                            sum[(1, column)] += share * y;
-                            sum[(2, column)] += share * z;
+                            sum[0] += share * x;
+                            sum[1] += share * y;
+                            sum[2] += share * z;
                         }
                     }
                 }
             }
         }
         sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Rotation3, Vector3};
+    use palpate_constraints::law::Coulomb;
+    use palpate_solver::problem::Block;
+
+    use super::*;
+
+    const NODES: usize = 7;
+
+    /// A contact of its own direction, shared by up to three nodes, of which the last is held fixed.
+    fn contact(k: usize) -> Row {
+        let f = k as f64;
+        let frame = Rotation3::from_scaled_axis(Vector3::new(0.3 + f, 0.7 * f, -0.2)).into_inner();
+        Row {
+            feature: k as u64,
+            body: None,
+            places: [(k % NODES, 0.5), ((k + 2) % NODES, 0.3), (NODES + k, 0.2)],
+            count: 1 + k % 3,
+            touches: true,
+            frame,
+            local: frame,
+            lever: Vector3::new(0.01, 0.002 * f, -0.003),
+            opens: Vector3::zeros(),
+            force: Vector3::zeros(),
+            load: Vector3::zeros(),
+            slip: Vector3::zeros(),
+            stuck: 0,
+            gap: 0.0,
+        }
+    }
+
+    /// A symmetric C (m/N) of nodes that feel one another.
+    fn compliance() -> Vec<f64> {
+        let n = 3 * NODES;
+        let entry =
+            |i: usize, j: usize| 1e-3 * (-0.4 * i.abs_diff(j) as f64).exp() * (1.0 + 0.1 * ((i + j) % 3) as f64);
+        (0..n * n).map(|k| entry(k / n, k % n)).collect()
+    }
+
+    #[test]
+    fn frictional_contacts_have_the_same_compliance_side_by_side_and_block_by_block() {
+        let mut rows = Rows::new(5, 0);
+        for k in 0..5 {
+            rows.contact.push(contact(k));
+            rows.blocks.push(Block { start: 3 * k, law: Coulomb { friction: 0.5 }.into() });
+            rows.delta_free.extend([0.0; 3]);
+        }
+        let (c, m) = (compliance(), rows.len());
+        let places = PlaceBlocks { compliance: &c, stride: 3 * NODES, yields: 0.7 };
+        let tool = ToolYield { c: 2e-4, turning: 0.0, opening: 0.0 };
+        assert!(tool.only_moves() && rows.all_have_friction());
+        let mut w = vec![f64::NAN; m * m];
+        assert!(rows.frictional_into(tool.c, &places, &mut w));
+        for (l, b) in rows.contact.iter().enumerate() {
+            for (k, a) in rows.contact.iter().enumerate() {
+                let block = tool.block(a, b, &places);
+                for (r, s) in (0..3).flat_map(|r| (0..3).map(move |s| (r, s))) {
+                    let (at, mirrored) = ((3 * l + s) * m + 3 * k + r, (3 * k + r) * m + 3 * l + s);
+                    assert_eq!(w[at], w[mirrored], "symmetric to the bit");
+                    // A few sums of products of numbers up to 1e-3.
+                    assert!((w[at] - block[(r, s)]).abs() < 1e-17, "{k} {l}: {} {}", w[at], block[(r, s)]);
+                }
+            }
+        }
+        let mut broken = c.clone();
+        broken[0] = f64::NAN;
+        let places = PlaceBlocks { compliance: &broken, ..places };
+        assert!(!rows.frictional_into(tool.c, &places, &mut w), "a number that is not finite is told");
     }
 }

@@ -169,10 +169,8 @@ impl Creep {
     pub(super) fn keep(&mut self, place: &Place, now: &Moment, moved: &Vector3<f64>) -> Vector3<f64> {
         self.rate = now.drift(place) * now.drifts;
         if !now.law.is_slow() {
-            let x = self.unforced(place, now) + moved;
-            self.way = x - place.end - now.drift(place) * now.drifted;
-            self.goal = self.way;
-            return x;
+            // Its way and goal are known from x when the next snapshot comes, and not looked at before.
+            return self.unforced(place, now) + moved;
         }
         let goal = now.goal(place) + self.offset * now.fade + moved * now.law.slow;
         self.way = now.law.follow(self, &goal);

@@ -54,6 +54,7 @@ pub(in crate::tick) struct PatchMemory {
     next: Vec<Node>,
     next_force: Vec<Vector3<f64>>,
     moved: Vec<Vector3<f64>>,
+    sum: Vec<f64>,
     contacts: Vec<Known>,
     max_contacts: usize,
     /// The tool at the end of the tick before.
@@ -88,6 +89,7 @@ impl PatchMemory {
             next: vec![Node::NEW; max_nodes],
             next_force: vec![ZERO; places],
             moved: vec![ZERO; places],
+            sum: vec![0.0; 3 * places],
             contacts: Vec::with_capacity(max_contacts),
             max_contacts,
             tool: None,
@@ -153,7 +155,7 @@ impl PatchMemory {
             self.next_force[yielding + k] = old.map_or(found.unwrap_or(ZERO), |old| self.force[self.yielding + old]);
         }
         let places = yielding + nodes;
-        patch.yielding(&self.next_force[..places], &mut self.moved[..places]);
+        patch.yielding(&self.next_force[..places], &mut self.sum, &mut self.moved[..places]);
         let (of_bodies, of_nodes) = self.moved.split_at(yielding);
         let of_bodies = of_bodies.iter().chain(std::iter::repeat(&ZERO));
         for ((body, contact), moved) in self.bodies.iter_mut().zip(patch.bodies.all()).zip(of_bodies) {

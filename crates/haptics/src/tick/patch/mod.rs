@@ -93,6 +93,7 @@ pub(super) struct PatchWorkspace {
     /// Nodal forces \[N\] that the tick found, and C times them \[m\].
     force: Vec<Vector3<f64>>,
     moved: Vec<Vector3<f64>>,
+    sum: Vec<f64>,
 }
 
 impl PatchWorkspace {
@@ -108,6 +109,7 @@ impl PatchWorkspace {
             shape: zeros(nodes),
             force: zeros(places),
             moved: zeros(places),
+            sum: vec![0.0; 3 * places],
         }
     }
 }
@@ -175,7 +177,7 @@ impl PatchProblem<'_> {
         let report = gauss_seidel::solve(&view, &mut rows.lambda, self.solver, solver);
         rows.note_gaps(solver.delta());
         rows.spread(&mut scratch.force[..places]);
-        patch.yielding(&scratch.force[..places], &mut scratch.moved[..places]);
+        patch.yielding(&scratch.force[..places], &mut scratch.sum, &mut scratch.moved[..places]);
 
         let wrench = rows.wrench();
         let finite = sound
