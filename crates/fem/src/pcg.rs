@@ -89,6 +89,11 @@ impl PcgWorkspace {
     pub fn forget(&mut self) {
         self.kept.clear();
     }
+
+    /// `b − A x` of the last solve, as long as the matrix has rows; computed afresh at its end where it converged.
+    pub fn residual(&self) -> &[f64] {
+        &self.r
+    }
 }
 
 /// Solves `A x = b` from the guess in `x`, with `A` symmetric positive definite.

@@ -103,7 +103,7 @@ fn look(
     solve
 }
 
-/// `A Δv = h Hᵀ λ` by conjugate gradients from what is in `ws.correction`, to a relative residual or to the scene's where
+/// `A Δv = h Hᵀ λ`, and what the free motion has left, by conjugate gradients from what is in `ws.correction`, to a relative residual or to the scene's where
 /// that is greater; with the step's own factor where the iterations do not suffice and there is one to be made.
 pub(super) fn exact_motion(
     world: &World,
@@ -115,6 +115,9 @@ pub(super) fn exact_motion(
     ws.load.fill(0.0);
     ws.rows.tissue.add_transposed(&ws.lambda, &mut ws.load);
     ws.load.iter_mut().for_each(|b| *b *= ws.dt);
+    if ws.carries {
+        ws.load.iter_mut().zip(&ws.carried).for_each(|(b, rest)| *b += rest);
+    }
     let tolerance = world.description().bodies[0].tolerance.max(tolerance);
     let mut solve = iterate(factor, tolerance, ws);
     report.error.corrected(&solve);

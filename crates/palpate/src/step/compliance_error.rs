@@ -18,7 +18,8 @@ pub struct ComplianceError {
     pub sample_residual: f64,
     /// Iterations of the exact correction.
     pub correction_iterations: u32,
-    /// Relative residual that the last solve of the exact correction left; 0 where there was none.
+    /// Relative residual that the last solve of the exact correction left, where the free motion ended early together with
+    /// that of the free motion; 0 where there was none.
     pub correction_residual: f64,
     /// Whether that solve ended without convergence: the motion is not that of the forces to the scene's tolerance.
     pub correction_unconverged: bool,

@@ -7,6 +7,7 @@ use palpate_fem::assembly::advance_memory;
 use palpate_fem::pcg::PcgStatus;
 
 use super::accuracy;
+use super::free_motion::complete;
 use super::rigid;
 use super::stages::inverse;
 use super::{FailedElement, StepReport, StepState, StepStatus, StepWorkspace};
@@ -99,6 +100,9 @@ pub(super) fn correct(
         None => lambda.iter().any(|&l| l != 0.0),
     };
     let begins = accuracy::corrects_exactly(world, ws, report);
+    if !(touched && begins) {
+        complete(world, factor, state, ws, report);
+    }
     if touched && !correction(world, factor, begins, ws) {
         ws.correction.fill(f64::NAN);
     }

@@ -122,6 +122,7 @@ pub(super) fn guard(world: &World, state: &StepState, ws: &mut StepWorkspace, re
         report.cuts += 1;
     }
     if t < 1.0 {
+        ws.carries = false;
         ws.v_free.iter_mut().for_each(|v| *v *= t);
     }
     // Fixed nodes lie where the state has them.
@@ -150,6 +151,7 @@ fn repeat(world: &World, config: &NewtonConfig, state: &StepState, ws: &mut Step
     report.repeated = newton.iterations;
     // Where the balance is within tolerance before the first iteration, the first direction still has something to say.
     if newton.status != NewtonStatus::NonFinite && newton.iterations > 0 {
+        ws.carries = false;
         for (v, &node) in ws.v_free.chunks_exact_mut(3).zip(world.model().node_of_free()) {
             v.copy_from_slice(ws.trial.v[node as usize].as_slice());
         }

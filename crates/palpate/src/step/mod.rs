@@ -118,6 +118,7 @@ pub fn step(
     let mut clock = Clock::start();
     let before = state.tool;
     ws.pcg.forget();
+    ws.carries = false;
     ws.iterations_left = world.description().bodies[0].max_iterations;
     state.remember();
     match world.integration() {

@@ -94,6 +94,9 @@ pub struct StepWorkspace {
     pub(super) solve: SolveWorkspace,
     /// Free velocity `v + dv` of the free nodes (m/s).
     pub(super) v_free: Vec<f64>,
+    /// Whether the exact correction is to find the rest of the free motion, and what that has left of its right side.
+    pub(super) carries: bool,
+    pub(super) carried: Vec<f64>,
     /// `h A⁻¹ Hᵀ lambda` (m/s).
     pub(super) correction: Vec<f64>,
     pub(super) geometry: SurfaceGeometry,
@@ -235,6 +238,8 @@ impl StepWorkspace {
             pcg: PcgWorkspace::new(free).keeping_directions(KEPT_DIRECTIONS),
             solve: SolveWorkspace::new(symbolic),
             v_free: vec![0.0; 3 * free],
+            carries: false,
+            carried: vec![0.0; 3 * free],
             correction: vec![0.0; 3 * free],
             geometry: world.geometry().clone(),
             detection: DetectionWorkspace::new(world.geometry()),
