@@ -38,7 +38,7 @@ fn a_patch_gives_the_step_back_and_rows_that_hold_elsewhere_are_condensed_into_i
     let total: Vector3<f64> = patch.force().iter().sum();
     assert!((total + report.force).norm() < 1e-12 * total.norm(), "{total} {}", report.force);
     let mut moved = vec![Vector3::zeros(); patch.len()];
-    patch.yielding(patch.force(), &mut moved);
+    patch.yielding(patch.force(), &mut vec![0.0; patch.degrees_of_freedom()], &mut moved);
     for (k, &node) in patch.skin().nodes().iter().enumerate() {
         let off = patch.q_free()[k] + moved[k] - state.fem.q[node as usize];
         assert!(off.norm() < 1e-15, "node {node}: {off}");
