@@ -58,11 +58,6 @@ impl PrecomputedWorkspace {
     pub fn take_in_full(&mut self) -> u32 {
         self.reach.take_in_full() + self.solve.take_in_full()
     }
-
-    /// Whether the latest `W` was gathered.
-    pub fn is_gathered(&self) -> bool {
-        self.gathered.is_some()
-    }
 }
 
 impl InverseRows for PrecomputedInverse<'_> {

@@ -11,7 +11,7 @@ pub const FIXED: u32 = u32::MAX;
 /// Block-compressed rows over the free nodes of a body: block `(i, j)` exists where an element holds both.
 ///
 /// Symmetric, both halves stored; columns ascend within a row.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BlockPattern {
     row_start: Vec<usize>,
     column: Vec<u32>,

@@ -81,7 +81,9 @@ impl Clone for Factor {
     fn clone(&self) -> Self {
         let mut copy = Self::new(Arc::clone(&self.symbolic));
         copy.values.copy_from_slice(&self.values);
-        copy.revision = self.revision;
+        // Without the change it is another inverse.
+        let changed = self.update.as_ref().is_some_and(|update| !update.is_empty());
+        copy.revision = if changed && self.is_valid() { next_revision() } else { self.revision };
         copy.packed.clone_from(&self.packed);
         copy.packed_is_sound = self.packed_is_sound;
         copy

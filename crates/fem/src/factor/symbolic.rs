@@ -66,7 +66,8 @@ pub struct SymbolicFactor {
     tree: SupernodeTree,
     arena: Arena,
     packed: PackedLayout,
-    blocks: usize,
+    /// Of the matrices that can be factored.
+    pattern: BlockPattern,
     nonzeros: usize,
     flops: f64,
     change_capacity: usize,
@@ -141,7 +142,7 @@ impl SymbolicFactor {
             column_start: permuted.column_start,
             source: permuted.source,
             ordering,
-            blocks: pattern.blocks(),
+            pattern: pattern.clone(),
             nonzeros: counts().sum(),
             flops: counts().map(|c| (c * c) as f64).sum(),
             change_capacity: 0,
@@ -223,9 +224,9 @@ impl SymbolicFactor {
         &self.packed
     }
 
-    /// True if `a` has the size that was analysed.
+    /// True if `a` has the pattern that was analysed.
     pub(super) fn fits(&self, a: &SystemMatrix) -> bool {
-        a.pattern.rows() == self.nodes() && a.pattern.blocks() == self.blocks && a.blocks.len() == self.blocks
+        *a.pattern == self.pattern && a.blocks.len() == self.pattern.blocks()
     }
 
     /// The status of a factorisation whose pivot in this row of `P A Pᵀ` is not positive.

@@ -1,6 +1,6 @@
 //! A device that follows its script exactly and feels nothing: the same input for every method under test.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Translation3};
 
 use super::{DeviceError, DeviceSample, DeviceSetup, DeviceSpec, HapticDevice, Opened, Registration, TickTime};
 use crate::script::HandScript;
@@ -16,7 +16,6 @@ pub struct ScriptedDevice {
     spec: DeviceSpec,
     script: HandScript,
     /// Before the script's rotation.
-    orientation: UnitQuaternion<f64>,
     wrench: Wrench,
     open: bool,
 }
@@ -26,14 +25,7 @@ impl ScriptedDevice {
     #[must_use]
     pub fn new(script: HandScript) -> Self {
         let spec = DeviceSpec { name: "scripted".to_owned(), ..DeviceSpec::virtual_device(0.0) };
-        Self { spec, script, orientation: UnitQuaternion::identity(), wrench: Wrench::zero(), open: true }
-    }
-
-    /// The same, turned by this orientation before the path turns it.
-    #[must_use]
-    pub fn with_orientation(mut self, orientation: UnitQuaternion<f64>) -> Self {
-        self.orientation = orientation;
-        self
+        Self { spec, script, wrench: Wrench::zero(), open: true }
     }
 
     /// The wrench last written.
@@ -57,7 +49,7 @@ impl HapticDevice for ScriptedDevice {
             return Err(DeviceError::Closed);
         }
         let intent = self.script.intent(tick.time);
-        let pose = Isometry3::from_parts(Translation3::from(intent.position), intent.rotation * self.orientation);
+        let pose = Isometry3::from_parts(Translation3::from(intent.position), intent.rotation);
         let velocity = Twist { linear: intent.velocity, angular: intent.angular_velocity };
         Ok(DeviceSample { velocity, gripper: intent.gripper, ..DeviceSample::at_rest(tick.time, pose) })
     }

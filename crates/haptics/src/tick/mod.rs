@@ -193,7 +193,7 @@ impl Tick {
         state.cut();
         state.outgoing = None;
         let record = record(state, snapshot, TickTime { dt: aged, ..time }, Wrench::zero(), &Local::EMPTY, 0.0, flags);
-        let gripper = self.grip(state, 0.0, time.dt, &mut TickFlags::default());
+        let gripper = self.grip(state, 0.0, aged, &mut TickFlags::default());
         TickRecord { device_error: Some(error), gripper, ..record }
     }
 

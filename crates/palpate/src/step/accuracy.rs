@@ -14,7 +14,7 @@ use palpate_constraints::compliance::{ComplianceMethod, MotionCorrection};
 use palpate_constraints::law::Law;
 use palpate_fem::pcg::{PcgReport, PcgStatus, pcg};
 
-use super::free_motion::{bounds, factor_in_need};
+use super::free_motion::{bounds, complete, factor_in_need};
 use super::preconditioner::StepPreconditioner;
 use super::refinement::{asks_for_refinement, hand_down, refine};
 use super::{StepReport, StepState, StepWorkspace};
@@ -27,6 +27,9 @@ const FIRST_LOOK: f64 = 1e-3;
 
 /// The same for forces that are refined, as a share of the square of their error: what refinement leaves is of that order.
 const SHARE_OF_SQUARE: f64 = 0.1;
+
+/// Largest share of the load of the forces that what the free motion has left may be for the correction to find it.
+const SHARE_OF_LOAD: f64 = 1e-2;
 
 /// Whether the correction by the inverse that gave `W` is only where conjugate gradients begin.
 pub(super) fn corrects_exactly(world: &World, ws: &StepWorkspace, report: &StepReport) -> bool {
@@ -52,6 +55,9 @@ pub(super) fn correct_exactly(
     let m = ws.rows.len();
     ws.refinement.shift[..m].fill(0.0);
     if corrects_exactly(world, ws, report) {
+        if outweighs_forces(ws) {
+            complete(world, factor, state, ws, report);
+        }
         let mut solve = look(world, factor, FIRST_LOOK, ws, report);
         let second = SHARE_OF_SQUARE * report.error.along_forces.powi(2);
         if asks_for_refinement(report) && second < FIRST_LOOK {
@@ -67,6 +73,24 @@ pub(super) fn correct_exactly(
     // Before the free gaps become those of the refined problem.
     measure_overlap(world, true, ws, report);
     hand_down(ws);
+}
+
+/// Whether what the free motion has left is no small share of the load of the forces, as where a tool lets go: what it moves
+/// would be taken for an error of `W`.
+fn outweighs_forces(ws: &mut StepWorkspace) -> bool {
+    if !ws.carries {
+        return false;
+    }
+    load_of_forces(ws);
+    let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
+    square(&ws.carried) > SHARE_OF_LOAD * SHARE_OF_LOAD * square(&ws.load)
+}
+
+/// `h Hᵀ λ` in `ws.load`.
+fn load_of_forces(ws: &mut StepWorkspace) {
+    ws.load.fill(0.0);
+    ws.rows.tissue.add_transposed(&ws.lambda, &mut ws.load);
+    ws.load.iter_mut().for_each(|b| *b *= ws.dt);
 }
 
 /// How deep contacts overlap at the end of the step, where the motion is that in `ws.correction` or, where no force touches the
@@ -112,9 +136,7 @@ pub(super) fn exact_motion(
     ws: &mut StepWorkspace,
     report: &mut StepReport,
 ) -> PcgReport {
-    ws.load.fill(0.0);
-    ws.rows.tissue.add_transposed(&ws.lambda, &mut ws.load);
-    ws.load.iter_mut().for_each(|b| *b *= ws.dt);
+    load_of_forces(ws);
     if ws.carries {
         ws.load.iter_mut().zip(&ws.carried).for_each(|(b, rest)| *b += rest);
     }

@@ -17,7 +17,7 @@ use palpate_constraints::warm_start::WarmStart;
 use palpate_rigid::RigidState;
 
 use super::{StepReport, StepState, StepWorkspace};
-use crate::world::{Change, Far, Near, Pair, World};
+use crate::world::{Change, Far, MOST_PAIRS, Near, Pair, World};
 
 /// What the step remembers of a pair of bodies.
 pub(super) struct PairState {
@@ -224,7 +224,7 @@ pub(super) fn push_laws(world: &World, of_tool: Law, ws: &mut StepWorkspace) {
 
 /// How the tick knows a contact of a pair: with the pair's number in the bits that features leave free.
 pub(super) fn identity(feature: u64, pair: usize) -> u64 {
-    feature | (pair as u64 & 0x1ff) << 52
+    feature | (pair as u64 % MOST_PAIRS as u64) << 52
 }
 
 /// Law and identity of a block of the tool on a rigid body, as the tick knows contacts.

@@ -98,7 +98,7 @@ pub(super) fn free_motion(
     finish(world, state, ws);
 }
 
-/// Goes on with a free motion that ended early to the scene's tolerance, where no exact correction has come after it.
+/// Goes on with a free motion that ended early to the scene's tolerance, where no exact correction is to find the rest.
 pub(super) fn complete(
     world: &World,
     factor: &FactorSample,

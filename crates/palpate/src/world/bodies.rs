@@ -12,6 +12,9 @@ use super::pairs::{Pair, obstacles, pairs};
 use crate::counted::counted;
 use crate::scene::{ContactDescription, Scene, SceneError, SceneFile, SolidShape};
 
+/// Pairs of bodies that a contact's name can tell apart: what features leave free of its 64 bits.
+pub(crate) const MOST_PAIRS: usize = 512;
+
 /// A body that never moves.
 #[derive(Clone, Debug)]
 pub struct FixedBody {
@@ -106,6 +109,11 @@ impl Bodies {
         let parts = description.tools[0].shape.parts().len();
         bodies.pairs = pairs(&bodies, parts, contact, detection);
         bodies.obstacles = obstacles(&bodies, parts, contact, detection);
+        let pairs = bodies.pairs.len() + bodies.obstacles.len();
+        if pairs > MOST_PAIRS {
+            let message = format!("{pairs} pairs of bodies and parts of the tool can touch, more than {MOST_PAIRS}");
+            return Err(scene.at("rigid_body", message, "leave bodies out, or join fixed ones into one mesh"));
+        }
         Ok(bodies)
     }
 
@@ -201,5 +209,45 @@ fn moments(solid: &Solid) -> Option<Moments> {
             let radius = shape.inner_radius();
             Some(if a == b { Moments::of_sphere(radius) } else { Moments::of_capsule(0.5 * (b - a).norm(), radius) })
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fmt::Write;
+    use std::path::Path;
+
+    use super::*;
+
+    const BLOCK: &str = r#"
+        name = "many"
+        gravity = [0, 0, 0]
+        [[body]]
+        name = "block"
+        block = { min = [0, 0, 0], max = [0.03, 0.03, 0.03], cells = [2, 2, 2] }
+        material = { law = "neo_hookean", young = 1e4, poisson = 0.4 }
+        fixed = [{ below = { axis = "z", at = 0.0 } }]
+        [[tool]]
+        name = "ball"
+        shape = { kind = "sphere", radius = 0.01 }
+        [hand]
+        path = [{ time = 0.0, position = [0.0, 0.0, 0.1] }]
+    "#;
+
+    /// `n` balls touch the tissue, the tool and one another: n (n + 3) / 2 pairs, which the names of contacts tell apart.
+    #[test]
+    fn as_many_bodies_are_taken_as_contacts_can_be_told_apart() {
+        let build = |n: usize| {
+            let mut text = BLOCK.to_string();
+            for k in 0..n {
+                let x = 1.0 + 0.1 * k as f64;
+                let ball = r#"shape = { kind = "ball", radius = 0.01 }"#;
+                writeln!(text, "[[rigid_body]]\nname = \"b{k}\"\n{ball}\nmass = 0.1\nposition = [{x}, 0, 0]").unwrap();
+            }
+            Scene::from_toml(&text, Path::new("")).unwrap().build()
+        };
+        assert_eq!(build(30).unwrap_or_else(|e| panic!("{e}")).bodies().pairs.len(), 495);
+        let told = build(31).err().map(|e| e.to_string()).unwrap_or_default();
+        assert!(told.contains("527 pairs") && told.contains("more than 512"), "{told}");
     }
 }

@@ -41,6 +41,7 @@ use outside::Basis;
 
 pub(crate) use build::{build, build_on};
 
+pub(crate) use bodies::MOST_PAIRS;
 pub use bodies::{Bodies, FixedBody, RigidBody};
 pub use change::Change;
 pub use geometry::{is_surface, make};
