@@ -1,5 +1,5 @@
 //! Solvers on contact problems of soft tissue with friction: a ball in the liver that meets nodes of its skin, pressed and
-//! dragged, and tools on faces of a slab, whose compliance is nearly singular (see [`slab`]).
+//! dragged, tools on faces of a slab, whose compliance is nearly singular (see [`slab`]), and a ball on a block (see [`block`]).
 //!
 //! First a table: at 10, 30, 60 and 150 contacts a warm solve to 1e-3 from the forces of a tick before, beside the
 //! settings of SOFA's constraint solver (no warm start, a fixed number of sweeps), and cold solves to 1e-8 by every solver.
@@ -8,6 +8,7 @@
 #![allow(clippy::print_stdout)]
 
 use criterion::Criterion;
+use palpate::collision::detection::ContactKind;
 use palpate::solver::gauss_seidel::{GaussSeidelConfig, GaussSeidelWorkspace, SweepOrder, solve};
 use palpate::solver::problem::{ConstraintProblem, ProblemView};
 use palpate::solver::report::{SolveReport, SolveStatus};
@@ -15,6 +16,7 @@ use palpate::solver::residual;
 use palpate::solver::solver::Solver;
 use std::time::{Duration, Instant};
 
+mod block;
 mod organ;
 mod slab;
 use organ::patch::Patch;
@@ -215,6 +217,7 @@ fn main() {
         println!("the slab has {} free nodes", slab.nodes());
         let under = |tool| CONTACTS.map(|contacts| slab.problem(contacts, tool));
         let (flat, round, settled) = (under(Tool::Flat), under(Tool::Round), under(Tool::Settled));
+        let [nodes, faces] = [ContactKind::Nodes, ContactKind::Faces].map(|at| block::problems(at, CONTACTS));
         let mut summary = Vec::new();
         let sets = [
             ("pressed", &pressed),
@@ -222,6 +225,8 @@ fn main() {
             ("slab, flat tool", &flat),
             ("slab, round tool", &round),
             ("slab, settled", &settled),
+            ("block, nodes", &nodes),
+            ("block, faces", &faces),
         ];
         for (name, set) in sets {
             for problem in set {

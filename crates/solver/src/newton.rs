@@ -65,7 +65,7 @@ const FIRST_SWEEPS: u32 = 4;
 
 /// Change of the forces in a rough sweep, relative to the scale of the residual, below which the steps begin: they
 /// are sooner done from there, and a step costs as much as ten or so of these sweeps.
-const ROUGH: f64 = 2.5e-4;
+const ROUGH: f64 = 5e-4;
 
 /// Largest number of sweeps between two attempts of Newton.
 const MOST_SWEEPS: u32 = 400;

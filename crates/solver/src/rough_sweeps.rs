@@ -19,6 +19,12 @@ use std::time::Instant;
 const SETTLING: u32 = 8;
 const WORTHWHILE: f64 = 0.75;
 
+/// Part of the square of the change before from which on a sweep gains nothing, and number of such sweeps in a row that ends
+/// them: the forces creep along what the compliance hardly resists, by the same in every sweep, which a step ends at once.
+/// With two, a flat tool on sixty faces takes 1.3 times as long: its changes are level for as long while it finds its contacts.
+const LEVEL: f64 = 0.98;
+const LEVEL_SWEEPS: u32 = 3;
+
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
@@ -35,7 +41,8 @@ pub(crate) struct Limits {
 pub(crate) enum End {
     /// The next gains nothing.
     Settled,
-    /// There was no time for more, or their number was reached: the compliance may be nearly singular.
+    /// There was no time for more, their number was reached, or the changes have ceased to fall: the compliance may be
+    /// nearly singular.
     Limit,
     /// The changes have not fallen from the first sweep to the last: forces were left as they were.
     Refused,
@@ -98,9 +105,10 @@ impl RoughSweeps {
                 number,
             ));
         }
-        let (mut done, mut first, mut last) = (0, 0.0, 0.0);
+        let (mut done, mut first, mut last, mut level) = (0, 0.0, 0.0, 0);
         while done < limits.sweeps {
             done += 1;
+            let before = last;
             last = f64::from(Arch::new().dispatch(Sweep { single, contacts: &mut self.contacts, gap: &mut self.gap }));
             if done == 1 {
                 first = last;
@@ -108,7 +116,8 @@ impl RoughSweeps {
             let out_of_time = || limits.deadline.is_some_and(|deadline| Instant::now() >= deadline);
             // Also ends for numbers that are not finite.
             let goes_on = last > limits.change * limits.change && last < f64::INFINITY;
-            if !goes_on || out_of_time() {
+            level = if last > LEVEL * before { level + 1 } else { 0 };
+            if !goes_on || level == LEVEL_SWEEPS || out_of_time() {
                 break;
             }
             if done == SETTLING {
@@ -262,5 +271,22 @@ mod tests {
         let (done, settled) = end(60);
         assert!(settled == End::Settled && done < 60, "{done} sweeps");
         assert_eq!(end(done - 1), (done - 1, End::Limit));
+    }
+
+    /// Two contacts on one point whose gaps do not agree: what one gives up the other takes, sweep by sweep.
+    #[test]
+    fn sweeps_end_where_forces_creep() {
+        let matrix = DMatrix::from_fn(6, 6, |i, j| match (i % 3 == j % 3, i == j) {
+            (true, true) => 1e-4,
+            (true, false) => (1.0 - 1e-7) * 1e-4,
+            _ => 0.0,
+        });
+        let delta_free = DVector::from_row_slice(&[-1e-3, 0.0, 0.0, -1.01e-3, 0.0, 0.0]);
+        let problem = ConstraintProblem::new(matrix, delta_free, [Law::Coulomb(Coulomb { friction: 0.2 }); 2])
+            .expect("the sizes agree");
+        let mut lambda = [0.0; 6];
+        // The first contact carries its own 10 N; of those the second takes 0.1 N in each sweep after it.
+        let (done, end) = sweep(&problem, &mut lambda, Limits { sweeps: 60, change: 1e-9, deadline: None });
+        assert_eq!((done, end), (2 + LEVEL_SWEEPS, End::Limit), "{lambda:?}");
     }
 }
