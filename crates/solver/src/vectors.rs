@@ -3,7 +3,7 @@
 //! This is what nearly all of the time of a solver goes to. A product is never fused with a sum, so that the bits do not
 //! depend on the width of the vectors.
 
-use crate::problem::{Block, ProblemView};
+use crate::problem::{Block, ProblemView, gather};
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 
@@ -25,6 +25,17 @@ pub(crate) fn add_columns(view: &ProblemView<'_>, block: &Block, change: &Vector
                 first: block.start,
                 factors: [change.x, change.y, change.z],
             });
+        }
+    }
+}
+
+/// `delta = W lambda + delta_free`, block by block: blocks without force cost nothing.
+pub(crate) fn form_gap(view: &ProblemView<'_>, lambda: &[f64], delta: &mut [f64]) {
+    delta.copy_from_slice(view.delta_free);
+    for block in view.blocks {
+        let force = gather(lambda, block);
+        if force != Vector3::zeros() {
+            add_columns(view, block, &force, delta);
         }
     }
 }

@@ -9,6 +9,7 @@ use palpate_solver::problem::Block;
 use super::ToolPoses;
 use super::creep::Moment;
 use super::jaws::Jaws;
+use super::known::Owed;
 use super::memory::PatchMemory;
 use crate::patch::HapticPatch;
 use crate::snapshot::ROWS_PER_CONTACT;
@@ -42,6 +43,7 @@ pub(super) struct Row {
     pub(super) stuck: u32,
     /// Gap that the forces leave \[m\].
     pub(super) gap: f64,
+    pub(super) owed: Owed,
 }
 
 /// Rows of all contacts of a tick: workspace.
@@ -103,7 +105,7 @@ impl Rows {
             let directions = ContactFrame::new(contact.normal).directions();
             let path = jaws.of(contact.feature);
             let lever = contact.tissue_point - jaws.origin();
-            let (slip, stuck) = memory.slip(contact.feature);
+            let (slip, stuck, owed) = memory.slip(contact.feature);
             let mut row = Row {
                 feature: contact.feature,
                 body: None,
@@ -119,6 +121,7 @@ impl Rows {
                 slip: Vector3::zeros(),
                 stuck,
                 gap: f64::INFINITY,
+                owed,
             };
             // How the point yields to the forces of the tick before, and how it has moved since without them.
             let (mut yielded, mut moved) = (Vector3::zeros(), Vector3::zeros());
@@ -141,11 +144,12 @@ impl Rows {
                 }
             }
             let normal = &directions[0];
-            let gap = contact.gap - normal.dot(&yielded) + jaws.closing(normal, &lever, &row.opens);
+            let gap =
+                contact.gap - normal.dot(&yielded) + jaws.closing(normal, &lever, &row.opens) - owed.gap * now.fade;
             self.blocks.push(Block { start: self.delta_free.len(), law: self.law.at_free_gap(gap) });
             self.delta_free.push(gap);
             if each > 1 {
-                let mut along = moved - path.of_point(&contact.tissue_point) + slip;
+                let mut along = moved - path.of_point(&contact.tissue_point) + slip + owed.slip * now.faded;
                 if leads > 0.0 {
                     along += (drift - path.until_hand_over(&contact.tissue_point)) * leads;
                 }
@@ -177,7 +181,9 @@ impl Rows {
                 [_, t, s, ..] if holds && each == 3 => row.frame.column(1) * *t + row.frame.column(2) * *s,
                 _ => Vector3::zeros(),
             };
-            row.stuck = if holds { row.stuck } else { 0 };
+            if !holds {
+                (row.stuck, row.owed.slip) = (0, Vector3::zeros());
+            }
         }
     }
 
@@ -233,6 +239,11 @@ impl Row {
             }
             None => {}
         }
+    }
+
+    /// What the sweeps left of the gap \[m\]: all of it under a force, and what is overlap without.
+    pub(super) fn rest(&self) -> f64 {
+        if self.force == Vector3::zeros() { self.gap.min(0.0) } else { self.gap }
     }
 
     /// Torque about the tool's origin per newton along direction `k` \[m\].

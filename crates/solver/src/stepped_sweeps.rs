@@ -1,0 +1,202 @@
+//! Block Gauss-Seidel with damped steps of Newton in between: for a thread that has time for a few dozen sweeps and no more.
+//!
+//! Sweeps settle what a contact does where it is, and are slow in what contacts do against one another: a body that nothing
+//! but contacts holds yields to one force by its mass, and to two opposite ones by its elasticity, which may be a hundredth of
+//! that. Held between two jaws, a block moves by the squeeze of one jaw rather than let the force of the other rise; thirty
+//! sweeps leave a percent of the gaps. A step solves for all forces that are closed or slide at once,
+//! ```text
+//! (dF/dlambda + dF/ddelta W + shift) d = -F ,   lambda' = P(lambda + t d) ,   t = 1, 1/2 or 0
+//! ```
+//! in the symbols of [`crate::active_system`]. The shift, a part of the mean diagonal of `W_aa`, makes it a step of Levenberg
+//! [1944] and Marquardt [1963]: contacts that lie beside one another on the same nodes share their force in many ways, and an
+//! undamped step throws it to and fro. Between two steps a sweep or more finds anew which contacts carry force.
+//!
+//! A step costs as much as so many sweeps ([`cost`]), and is taken where that is left of them: work is bounded by that of
+//! `max_sweeps` sweeps, and a problem with too many closed rows has sweeps alone. Nothing is allocated, and no memory of the thread is
+//! used.
+
+use crate::active_block::ActiveBlock;
+use crate::gauss_seidel::{GaussSeidelConfig, GaussSeidelWorkspace, residual, sweep};
+use crate::iteration::{self, Advance, Stop};
+use crate::problem::{Block, ProblemView, gather, scatter};
+use crate::report::SolveReport;
+use crate::small_system::SmallSystem;
+use crate::vectors::{add_columns, form_gap};
+use crate::watch::Watch;
+use nalgebra::{Matrix3, Vector3};
+
+/// Sweeps before the first step.
+const FIRST: u32 = 4;
+
+/// Sweeps between two steps.
+const BETWEEN: u32 = 2;
+
+/// Added to the diagonals of closed rows, which are of order one.
+const SHIFT: f64 = 0.3;
+
+/// Growth of the residual up to which a step is taken: it opens and closes contacts, which the sweeps after it settle.
+const ACCEPTED: f64 = 3.0;
+
+/// Memory of the steps.
+#[derive(Clone, Debug)]
+pub struct Steps {
+    blocks: Vec<ActiveBlock>,
+    /// Changes of the forces that the laws give: block, and N.
+    given: Vec<(Block, Vector3<f64>)>,
+    /// `W d_given`, m.
+    gap: Vec<f64>,
+    system: SmallSystem,
+    /// `d`, N.
+    direction: Vec<f64>,
+    /// Forces before the step, N, and their gap, m.
+    lambda: Vec<f64>,
+    delta: Vec<f64>,
+}
+
+impl Steps {
+    /// Memory for problems of up to `rows` rows, of which up to `unknowns` are closed where a step is taken.
+    #[must_use]
+    pub fn with_capacity(rows: usize, unknowns: usize) -> Self {
+        let vector = || Vec::with_capacity(rows);
+        Self {
+            blocks: Vec::with_capacity(rows),
+            given: Vec::with_capacity(rows),
+            gap: vector(),
+            system: SmallSystem::with_capacity(unknowns.min(rows)),
+            direction: vector(),
+            lambda: vector(),
+            delta: vector(),
+        }
+    }
+
+    /// Sorts the rows into given and unknown forces; returns the number of unknowns.
+    fn linearize(&mut self, view: &ProblemView<'_>, lambda: &[f64], ws: &GaussSeidelWorkspace) -> usize {
+        self.blocks.clear();
+        self.given.clear();
+        self.direction.clear();
+        self.direction.resize(view.rows(), 0.0);
+        let mut size = 0;
+        for (block, local) in view.blocks.iter().zip(&ws.local) {
+            let force = gather(lambda, block);
+            let mut given = -force;
+            if !local.is_rigid() {
+                let equation = block.law.linearize(local.rho(), &gather(&ws.delta, block), &force);
+                let mut active = ActiveBlock::new(block, size, local.rho().sqrt());
+                given = active.read(&equation);
+                if active.count > 0 {
+                    size += active.count;
+                    self.blocks.push(active);
+                }
+            }
+            if given != Vector3::zeros() {
+                scatter(&given, block, &mut self.direction);
+                self.given.push((*block, given));
+            }
+        }
+        size
+    }
+
+    /// `d` of all rows; `false` where the system is singular.
+    fn solve(&mut self, view: &ProblemView<'_>, size: usize) -> bool {
+        let Self { blocks, given, gap, system, direction, .. } = self;
+        gap.clear();
+        gap.resize(view.rows(), 0.0);
+        for (block, force) in given.iter() {
+            add_columns(view, block, force, gap);
+        }
+        system.reset(size);
+        for from in blocks.iter() {
+            let columns =
+                [0, 1, 2].map(|c| if c < from.block.law.rows() { view.column(from.block.start + c) } else { &[] });
+            for to in blocks.iter() {
+                let between = Matrix3::from_columns(&columns.map(|column| gather(column, &to.block)));
+                for (j, unknown) in from.unknowns().iter().enumerate() {
+                    let gap = between * unknown.direction * (from.scale * to.scale);
+                    let column = system.column_mut(from.first + j);
+                    for (entry, unknown) in column.iter_mut().skip(to.first).zip(to.unknowns()) {
+                        *entry = unknown.weight * unknown.test.dot(&gap);
+                    }
+                }
+            }
+            for (j, unknown) in from.unknowns().iter().enumerate() {
+                if let Some(diagonal) = system.column_mut(from.first + j).get_mut(from.first + j) {
+                    *diagonal += unknown.own(SHIFT);
+                }
+            }
+        }
+        let column = system.column_mut(size);
+        for active in blocks.iter() {
+            let right = active.right(&gather(gap, &active.block));
+            for (entry, right) in column.iter_mut().skip(active.first).zip(&right[..active.count]) {
+                *entry = *right;
+            }
+        }
+        let Some(solution) = system.solve() else { return false };
+        for active in blocks.iter() {
+            active.add(solution.get(active.first..active.first + active.count).unwrap_or(&[]), direction);
+        }
+        true
+    }
+
+    /// Takes the step, or half of it, or leaves forces and gap as they are: `false`.
+    fn take(&mut self, view: &ProblemView<'_>, lambda: &mut [f64], ws: &mut GaussSeidelWorkspace) -> bool {
+        let now = residual(view, lambda, 1.0, ws).relative;
+        self.lambda.clear();
+        self.lambda.extend_from_slice(lambda);
+        self.delta.clear();
+        self.delta.extend_from_slice(&ws.delta);
+        for t in [1.0, 0.5] {
+            for block in view.blocks {
+                let force = gather(&self.lambda, block) + gather(&self.direction, block) * t;
+                scatter(&block.law.project(&force), block, lambda);
+            }
+            form_gap(view, lambda, &mut ws.delta);
+            // False for NaN.
+            if residual(view, lambda, 1.0, ws).relative < ACCEPTED * now {
+                return true;
+            }
+        }
+        lambda.copy_from_slice(&self.lambda);
+        ws.delta.copy_from_slice(&self.delta);
+        false
+    }
+}
+
+/// What a step with so many unknowns costs in a problem of so many rows, in sweeps, as measured (39 unknowns of 111 rows: 6, by the
+/// clock 5 to 7): what grows with the square of the unknowns, for rows at a time are eliminated as fast as they are read, what goes with
+/// every unknown, and the gap formed anew.
+#[must_use]
+pub fn cost(unknowns: usize, rows: usize) -> u32 {
+    let sweeps = (unknowns * unknowns / 5 + 4 * unknowns).div_ceil(rows.max(1)) + 1;
+    u32::try_from(sweeps).unwrap_or(u32::MAX)
+}
+
+/// Solves from the forces in `lambda` (N) and leaves the answer there. `config` has tolerance and limits: relaxation and order
+/// are the plain ones. A step counts as [`cost`] iterations.
+pub fn solve(
+    view: &ProblemView<'_>,
+    lambda: &mut [f64],
+    config: &GaussSeidelConfig,
+    ws: &mut GaussSeidelWorkspace,
+    steps: &mut Steps,
+) -> SolveReport {
+    let stop = Stop { tolerance: config.tolerance, max_iterations: config.max_sweeps, stall: config.stall_sweeps };
+    let (mut to_sweep, mut left, mut steps_on) = (FIRST, config.max_sweeps, true);
+    iteration::run(view, lambda, stop, ws, &mut Watch::none(), |lambda, ws, _| {
+        if to_sweep == 0 && steps_on {
+            let size = steps.linearize(view, lambda, ws);
+            let cost = cost(size, view.rows());
+            // What cannot be paid, and what came to nothing, is not tried again.
+            steps_on = size > 0 && size <= steps.system.capacity() && cost <= left;
+            if steps_on {
+                (to_sweep, left) = (BETWEEN, left - cost);
+                steps_on = steps.solve(view, size) && steps.take(view, lambda, ws);
+                return Advance::Several(cost);
+            }
+        }
+        to_sweep = to_sweep.saturating_sub(1);
+        left = left.saturating_sub(1);
+        sweep(view, lambda, 1.0, false, ws);
+        Advance::Updated
+    })
+}
