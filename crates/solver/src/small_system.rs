@@ -78,7 +78,7 @@ impl WithSimd for Eliminate<'_> {
             }
             column.swap(k, pivot);
             let inverse = 1.0 / column[k];
-            if !inverse.is_finite() {
+            if !(inverse.is_finite() && column[k].is_finite()) {
                 return false;
             }
             column[k + 1..].iter_mut().for_each(|x| *x *= inverse);

@@ -36,6 +36,8 @@ pub(super) struct BodyMemory {
     /// u at the end of the tick before, without the way of the tool, and the gap with it \[m\].
     end: Vector3<f64>,
     gap: f64,
+    /// What the forces of then do to u \[m\].
+    moved: Vector3<f64>,
     known: bool,
     /// Snapshots that came while it stuck.
     stuck: u32,
@@ -62,6 +64,7 @@ impl BodyMemory {
                 creep: Creep::REST,
                 end: ZERO,
                 gap: f64::INFINITY,
+                moved: ZERO,
                 known: false,
                 stuck: 0,
                 rest: 0.0,
@@ -87,6 +90,7 @@ impl BodyMemory {
         let gap = if self.known { self.gap - way.x } else { contact.gap };
         self.end = Vector3::new(gap, 0.0, 0.0);
         self.creep.take_over(&place, now, &self.end, moved);
+        self.moved = moved * now.law.yields();
         // What was not finite is forgotten.
         if !self.creep.is_finite() {
             (self.slip, self.stuck, self.owed) = (ZERO, 0, Owed::NONE);
@@ -97,6 +101,7 @@ impl BodyMemory {
     /// Remembers what a tick found: `moved` = C f by its forces, `way` of the tool since the step.
     pub(super) fn keep(&mut self, contact: &BodyContact, now: &Moment, moved: &Vector3<f64>, way: f64) {
         self.end = self.creep.keep(&place_of(contact), now, moved);
+        self.moved = moved * now.law.yields();
         self.gap = self.end.x + way;
     }
 
@@ -127,9 +132,12 @@ impl Rows {
                 along += contact.approach(&led[0], &led[1]) * moment.faded;
             }
             self.blocks.push(Block { start: self.delta_free.len(), law: contact.law.at_free_gap(gap) });
+            let held = known.moved - contact.approach(&poses.held, &poses.predicted);
             self.delta_free.push(gap);
+            self.before.push(gap + held.x);
             if contact.law.rows() > 1 {
                 self.delta_free.extend([along.y, along.z]);
+                self.before.extend([along.y + held.y, along.z + held.z]);
             }
             let ToolPart { lever, opens } = contact.tool.unwrap_or(ToolPart { lever: ZERO, opens: ZERO });
             self.contact.push(Row {

@@ -144,7 +144,6 @@ impl PatchMemory {
         self.viscosity = patch.viscosity;
         self.share = if tick < hand_over { self.touch.share() } else { 0.0 };
 
-        // As it begins: s is 1.
         let now = self.moment(f64::INFINITY, 0.0);
         self.led = [*tool, self.tool.unwrap_or(*tool)];
         self.contacts.iter_mut().filter(|known| known.stuck < STUCK).for_each(|known| known.stuck += 1);
@@ -216,6 +215,11 @@ impl PatchMemory {
     /// What the forces of the tick before do at a node \[m\].
     pub(super) fn yielded(&self, node: usize) -> Option<Vector3<f64>> {
         self.nodes.get(node).map(|node| node.yielded)
+    }
+
+    /// The same, all of it at once \[m\].
+    pub(super) fn moved(&self, node: usize) -> Vector3<f64> {
+        self.nodes.get(node).map_or(ZERO, |node| node.yielded - node.lag)
     }
 
     /// Where a node was at the end of the tick before \[m\].

@@ -179,7 +179,8 @@ impl PatchProblem<'_> {
 
         memory.warm_start(rows);
         let view = ProblemView { compliance: w, stride: m, delta_free: &rows.delta_free, blocks: &rows.blocks };
-        let report = stepped_sweeps::solve(&view, &mut rows.lambda, self.solver, solver, &mut scratch.steps);
+        let report =
+            stepped_sweeps::solve(&view, (&mut rows.lambda, &rows.before), self.solver, solver, &mut scratch.steps);
         rows.note_gaps(solver.delta());
         rows.spread(&mut scratch.force[..places]);
         patch.yielding(&scratch.force[..places], &mut scratch.moved[..places]);

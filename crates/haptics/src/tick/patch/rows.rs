@@ -54,6 +54,8 @@ pub(super) struct Rows {
     /// Gap without contact forces \[m\], and forces \[N\], one a row.
     pub(super) delta_free: Vec<f64>,
     pub(super) lambda: Vec<f64>,
+    /// Gap at the nodal forces of the tick before \[m\]: those of its contacts leave another where a contact is now another.
+    pub(super) before: Vec<f64>,
     law: Law,
     max_contacts: usize,
 }
@@ -68,6 +70,7 @@ impl Rows {
             blocks: Vec::with_capacity(all),
             delta_free: Vec::with_capacity(rows),
             lambda: Vec::with_capacity(rows),
+            before: Vec::with_capacity(rows),
             law: Signorini.into(),
             max_contacts: contacts,
         }
@@ -99,6 +102,7 @@ impl Rows {
         self.contact.clear();
         self.blocks.clear();
         self.delta_free.clear();
+        self.before.clear();
         self.law = patch.law;
         let (each, bodies) = (self.rows_each(), patch.bodies.yielding());
         for contact in contacts.iter().take(self.max_contacts) {
@@ -128,6 +132,7 @@ impl Rows {
             // What it is led by.
             let leads = if each > 1 { memory.leads(contact.feature, now) } else { 0.0 };
             let mut drift = Vector3::zeros();
+            let mut loaded = Vector3::zeros();
             for (&node, &weight) in contact.nodes.iter().zip(&contact.weights) {
                 let node = node as usize;
                 let (Some(here), Some(y), Some(then)) = (shape.get(node), memory.yielded(node), memory.shape(node))
@@ -137,23 +142,28 @@ impl Rows {
                 if weight != 0.0 {
                     row.add(bodies + node, weight);
                     yielded += y * weight;
+                    loaded += memory.moved(node) * weight;
                     moved += (here - y - then) * weight;
                     if leads > 0.0 {
                         drift += memory.drift(node).unwrap_or_else(Vector3::zeros) * weight;
                     }
                 }
             }
+            let held = |k: usize| directions[k].dot(&loaded) - jaws.closing(&directions[k], &lever, &row.opens);
             let normal = &directions[0];
             let gap =
                 contact.gap - normal.dot(&yielded) + jaws.closing(normal, &lever, &row.opens) - owed.gap * now.fade;
             self.blocks.push(Block { start: self.delta_free.len(), law: self.law.at_free_gap(gap) });
             self.delta_free.push(gap);
+            self.before.push(gap + held(0));
             if each > 1 {
                 let mut along = moved - path.of_point(&contact.tissue_point) + slip + owed.slip * now.faded;
                 if leads > 0.0 {
                     along += (drift - path.until_hand_over(&contact.tissue_point)) * leads;
                 }
-                self.delta_free.extend([directions[1].dot(&along), directions[2].dot(&along)]);
+                let along = [directions[1].dot(&along), directions[2].dot(&along)];
+                self.delta_free.extend(along);
+                self.before.extend([along[0] + held(1), along[1] + held(2)]);
             }
             self.contact.push(row);
         }
