@@ -179,8 +179,9 @@ impl PatchProblem<'_> {
 
         memory.warm_start(rows);
         let view = ProblemView { compliance: w, stride: m, delta_free: &rows.delta_free, blocks: &rows.blocks };
-        let report =
-            stepped_sweeps::solve(&view, (&mut rows.lambda, &rows.before), self.solver, solver, &mut scratch.steps);
+        // Tissue that is held moves little for forces out of balance, and its sweeps are soon done.
+        let before: &[f64] = if patch.viscosity > 0.0 { &[] } else { &rows.before };
+        let report = stepped_sweeps::solve(&view, (&mut rows.lambda, before), self.solver, solver, &mut scratch.steps);
         rows.note_gaps(solver.delta());
         rows.spread(&mut scratch.force[..places]);
         patch.yielding(&scratch.force[..places], &mut scratch.moved[..places]);
