@@ -171,9 +171,9 @@ impl Steps {
     }
 }
 
-/// What a step with so many unknowns costs in a problem of so many rows, in sweeps, as measured (39 unknowns of 111 rows: 6, by the
-/// clock 5 to 7): what grows with the square of the unknowns, for rows at a time are eliminated as fast as they are read, what goes with
-/// every unknown, and the gap formed anew.
+/// What a step with so many unknowns is taken to cost in a problem of so many rows, in sweeps: an estimate by what grows with the square of
+/// the unknowns, what goes with every unknown, and the gap formed anew. It was set by the time of whole runs, not of single steps, and may be
+/// low by a third.
 #[must_use]
 pub fn cost(unknowns: usize, rows: usize) -> u32 {
     let sweeps = (unknowns * unknowns / 5 + 4 * unknowns).div_ceil(rows.max(1)) + 1;
