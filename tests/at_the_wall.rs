@@ -67,6 +67,36 @@ fn a_block_is_lifted_off_a_table_and_set_down_without_a_staircase() {
     assert!(pull > -0.09, "{pull} N");
 }
 
+/// What differs in rounding, or by a little more, differs by as little in what the hand feels: the hand-over holds for each.
+#[test]
+fn a_block_is_set_down_without_a_jump_however_the_table_and_the_hand_lie() {
+    let largest = |change: &dyn Fn(&mut palpate::scene::SceneDescription)| {
+        let recorder = run(&grasp(change), 2.5);
+        (largest_jump(&recorder, 0.8, 1.9), largest_jump(&recorder, 2.0, 2.5))
+    };
+    let tilted = |x: f64, y: f64| {
+        largest(&|scene| {
+            let table = format!(
+                "[[fixed_body]]\nname = \"table\"\nfriction = 0.5\n[fixed_body.shape]\nkind = \"plane\"\nnormal = [{x:e}, {y:e}, 1.0]"
+            );
+            let table: toml::Table = table.parse().expect("a table");
+            scene.fixed_bodies = table["fixed_body"].clone().try_into().expect("a fixed body");
+        })
+    };
+    let moved = |by: f64| largest(&|scene| scene.hand.path.iter_mut().for_each(|key| key.position[1] += by));
+    let cases = [
+        ("tilted by 1e-9", tilted(0.0, 1e-9)),
+        ("tilted by 1e-6", tilted(0.0, 1e-6)),
+        ("tilted by 1e-3", tilted(0.0, 1e-3)),
+        ("tilted by 1e-3 the other way", tilted(1e-3, 0.0)),
+        ("gripped 1e-4 m aside", moved(1e-4)),
+    ];
+    for (what, (lifting, setting_down)) in cases {
+        println!("{what}: lifting {:.1} mN, setting down {:.1} mN", 1e3 * lifting, 1e3 * setting_down);
+        assert!(lifting < 0.020 && setting_down < 0.020, "{what}: {lifting} and {setting_down} N");
+    }
+}
+
 #[test]
 fn a_block_that_is_held_in_the_air_has_its_weight_and_stays() {
     let world = grasp(|scene| {

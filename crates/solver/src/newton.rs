@@ -35,9 +35,8 @@ use crate::report::SolveReport;
 use crate::residual::scale;
 use crate::rough_sweeps::{End, Limits, RoughSweeps};
 use crate::solver::ConstraintSolver;
-use crate::vectors::add_columns;
+use crate::vectors::form_gap;
 use crate::watch::Watch;
-use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -268,15 +267,4 @@ fn step(
         }
     }
     if best == 0.25 { least } else { take(best, lambda) }
-}
-
-/// `delta = W lambda + delta_free`, block by block: blocks without force cost nothing.
-fn form_gap(view: &ProblemView<'_>, lambda: &[f64], delta: &mut [f64]) {
-    delta.copy_from_slice(view.delta_free);
-    for block in view.blocks {
-        let force = gather(lambda, block);
-        if force != Vector3::zeros() {
-            add_columns(view, block, &force, delta);
-        }
-    }
 }

@@ -3,7 +3,7 @@
 //! This is what nearly all of the time of a solver goes to. A product is never fused with a sum, so that the bits do not
 //! depend on the width of the vectors.
 
-use crate::problem::{Block, ProblemView};
+use crate::problem::{Block, ProblemView, gather};
 use nalgebra::Vector3;
 use pulp::{Arch, Simd, WithSimd};
 
@@ -33,6 +33,17 @@ pub(crate) fn add_columns(view: &ProblemView<'_>, block: &Block, change: &Vector
 #[inline]
 pub fn add_scaled<const N: usize>(to: &mut [f64], columns: [&[f64]; N], factors: [f64; N]) {
     Arch::new().dispatch(Add { to, columns, factors, first: 0 });
+}
+
+/// `delta = W lambda + delta_free`, block by block: blocks without force cost nothing.
+pub(crate) fn form_gap(view: &ProblemView<'_>, lambda: &[f64], delta: &mut [f64]) {
+    delta.copy_from_slice(view.delta_free);
+    for block in view.blocks {
+        let force = gather(lambda, block);
+        if force != Vector3::zeros() {
+            add_columns(view, block, &force, delta);
+        }
+    }
 }
 
 /// `to += sum of factor times column`.

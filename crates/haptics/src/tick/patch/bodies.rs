@@ -14,7 +14,7 @@ use palpate_solver::problem::Block;
 
 use super::ToolPoses;
 use super::creep::{Creep, Moment, Place};
-use super::known::STUCK;
+use super::known::{Owed, STUCK};
 use super::memory::PatchMemory;
 use super::rows::{Row, Rows};
 use crate::body_contact::{BodyContact, ToolPart};
@@ -36,17 +36,26 @@ pub(super) struct BodyMemory {
     /// u at the end of the tick before, without the way of the tool, and the gap with it \[m\].
     end: Vector3<f64>,
     gap: f64,
+    /// What the forces of then do to u \[m\].
+    moved: Vector3<f64>,
     known: bool,
     /// Snapshots that came while it stuck.
     stuck: u32,
+    /// What the sweeps left of its gap \[m\].
+    rest: f64,
+    owed: Owed,
 }
 
 impl BodyMemory {
     /// The contact of a new snapshot, and what is remembered of it: else it has the force of the step.
-    pub(super) fn new(contact: &BodyContact, old: Option<&Self>) -> Self {
+    pub(super) fn new(contact: &BodyContact, old: Option<&Self>, fade: f64) -> Self {
         let frame = contact.frame;
         match old.filter(|old| all_finite(&(old.force + old.slip))) {
-            Some(old) => Self { frame, known: true, stuck: (old.stuck + 1).min(STUCK), ..*old },
+            Some(old) => {
+                let mut new = Self { frame, known: true, stuck: (old.stuck + 1).min(STUCK), ..*old };
+                new.owed.defer(fade, new.rest, &mut new.slip);
+                new
+            }
             None => Self {
                 feature: contact.feature,
                 frame,
@@ -55,8 +64,11 @@ impl BodyMemory {
                 creep: Creep::REST,
                 end: ZERO,
                 gap: f64::INFINITY,
+                moved: ZERO,
                 known: false,
                 stuck: 0,
+                rest: 0.0,
+                owed: Owed::NONE,
             },
         }
     }
@@ -77,13 +89,11 @@ impl BodyMemory {
         // One that is new begins where the step has it: under other forces than the step's it would be anywhere.
         let gap = if self.known { self.gap - way.x } else { contact.gap };
         self.end = Vector3::new(gap, 0.0, 0.0);
-        self.creep.take_over(&place, now, &self.end, moved, true);
-        if !now.law.is_slow() {
-            self.end = self.creep.offset + (contact.free + moved);
-        }
+        self.creep.take_over(&place, now, &self.end, moved);
+        self.moved = moved * now.law.yields();
         // What was not finite is forgotten.
         if !self.creep.is_finite() {
-            (self.slip, self.stuck) = (ZERO, 0);
+            (self.slip, self.stuck, self.owed) = (ZERO, 0, Owed::NONE);
             self.end = self.creep.begin(&place, now, moved);
         }
     }
@@ -91,12 +101,14 @@ impl BodyMemory {
     /// Remembers what a tick found: `moved` = C f by its forces, `way` of the tool since the step.
     pub(super) fn keep(&mut self, contact: &BodyContact, now: &Moment, moved: &Vector3<f64>, way: f64) {
         self.end = self.creep.keep(&place_of(contact), now, moved);
+        self.moved = moved * now.law.yields();
         self.gap = self.end.x + way;
     }
 
     /// Its row in the tick.
     pub(super) fn note(&mut self, row: &Row) {
         (self.force, self.slip, self.stuck) = (row.force, row.slip, row.stuck);
+        (self.rest, self.owed) = (row.rest(), row.owed);
     }
 }
 
@@ -113,16 +125,19 @@ impl Rows {
         let yielding = patch.bodies.yielding();
         for (k, (contact, known)) in patch.bodies.all().iter().zip(memory.bodies()).enumerate() {
             let free = known.creep.unforced(&place_of(contact), moment);
-            let gap = free.x + contact.approach(&led[0], &poses.predicted).x;
+            let gap = free.x + contact.approach(&led[0], &poses.predicted).x - known.owed.gap * moment.fade;
             let mut along = free - known.end + contact.approach(before, &poses.predicted);
-            along += contact.frame.tr_mul(&known.slip);
+            along += contact.frame.tr_mul(&(known.slip + known.owed.slip * moment.faded));
             if known.stuck >= STUCK {
                 along += contact.approach(&led[0], &led[1]) * moment.faded;
             }
             self.blocks.push(Block { start: self.delta_free.len(), law: contact.law.at_free_gap(gap) });
+            let held = known.moved - contact.approach(&poses.held, &poses.predicted);
             self.delta_free.push(gap);
+            self.before.push(gap + held.x);
             if contact.law.rows() > 1 {
                 self.delta_free.extend([along.y, along.z]);
+                self.before.extend([along.y + held.y, along.z + held.z]);
             }
             let ToolPart { lever, opens } = contact.tool.unwrap_or(ToolPart { lever: ZERO, opens: ZERO });
             self.contact.push(Row {
@@ -140,6 +155,7 @@ impl Rows {
                 slip: ZERO,
                 stuck: known.stuck,
                 gap: f64::INFINITY,
+                owed: known.owed,
             });
         }
     }

@@ -225,6 +225,7 @@ mod tests {
             load: Vector3::zeros(),
             slip: Vector3::zeros(),
             stuck: 0,
+            owed: crate::tick::patch::known::Owed::NONE,
             gap: 0.0,
         }
     }

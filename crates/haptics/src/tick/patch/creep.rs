@@ -181,19 +181,11 @@ impl Creep {
 
     /// Begins on a new snapshot at `shape`, and where it creeps as fast as it has been, under the forces of the tick before: these
     /// move the place by `moved` = C f.
-    pub(super) fn take_over(
-        &mut self,
-        place: &Place,
-        now: &Moment,
-        shape: &Vector3<f64>,
-        moved: &Vector3<f64>,
-        bodies: bool,
-    ) {
+    pub(super) fn take_over(&mut self, place: &Place, now: &Moment, shape: &Vector3<f64>, moved: &Vector3<f64>) {
         self.way = shape - place.end;
         self.goal = self.way + (self.rate - now.drift(place) * now.drifts) * now.law.lag;
         self.offset = match now.law.is_slow() {
             true => self.goal - now.goal(place) - moved * now.law.slow,
-            false if bodies => shape - (place.free + moved),
             false => shape - moved - place.free,
         };
     }

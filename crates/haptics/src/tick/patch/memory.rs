@@ -28,7 +28,7 @@ use palpate_collision::ToolPose;
 use super::PatchWorkspace;
 use super::bodies::BodyMemory;
 use super::creep::{CreepLaw, Moment, Place, TouchAge};
-use super::known::{Known, STUCK};
+use super::known::{Known, Owed, STUCK};
 use super::node::Node;
 use super::rows::Rows;
 use crate::patch::HapticPatch;
@@ -137,6 +137,8 @@ impl PatchMemory {
     ) {
         let nodes = patch.len().min(self.nodes.len());
         self.take_over_bodies(patch);
+        let fade = self.fade;
+        self.contacts.iter_mut().for_each(|known| known.owed.defer(fade, known.rest, &mut known.slip));
         let yielding = patch.bodies.yielding().min(self.bodies.len());
         let fresh = self.count == 0;
         (self.since, self.fade, self.tick, self.step) = (0.0, 1.0, tick, step);
@@ -144,7 +146,6 @@ impl PatchMemory {
         self.viscosity = patch.viscosity;
         self.share = if tick < hand_over { self.touch.share() } else { 0.0 };
 
-        // As it begins: s is 1.
         let now = self.moment(f64::INFINITY, 0.0);
         self.led = [*tool, self.tool.unwrap_or(*tool)];
         self.contacts.iter_mut().filter(|known| known.stuck < STUCK).for_each(|known| known.stuck += 1);
@@ -163,7 +164,7 @@ impl PatchMemory {
         }
         let yields = now.law.yields();
         for ((node, moved), place) in self.next.iter_mut().zip(of_nodes).zip(Place::nodes(patch)).take(nodes) {
-            node.creep.take_over(&place, &now, &node.shape, moved, false);
+            node.creep.take_over(&place, &now, &node.shape, moved);
             node.drift = node.shape - place.end;
             node.yielded = moved * yields + node.lag;
             // What was not finite is forgotten.
@@ -182,7 +183,7 @@ impl PatchMemory {
         self.next_bodies.clear();
         for contact in patch.bodies.all().iter().take(self.max_bodies) {
             let old = self.bodies.iter().find(|body| body.is_of(contact));
-            self.next_bodies.push(BodyMemory::new(contact, old));
+            self.next_bodies.push(BodyMemory::new(contact, old, self.fade));
         }
         std::mem::swap(&mut self.bodies, &mut self.next_bodies);
         for (to, body) in self.next_force.iter_mut().zip(&self.bodies) {
@@ -218,6 +219,11 @@ impl PatchMemory {
         self.nodes.get(node).map(|node| node.yielded)
     }
 
+    /// The same, all of it at once \[m\].
+    pub(super) fn moved(&self, node: usize) -> Vector3<f64> {
+        self.nodes.get(node).map_or(ZERO, |node| node.yielded - node.lag)
+    }
+
     /// Where a node was at the end of the tick before \[m\].
     pub(super) fn shape(&self, node: usize) -> Option<Vector3<f64>> {
         self.nodes.get(node).map(|node| node.shape)
@@ -248,9 +254,9 @@ impl PatchMemory {
         self.contacts.binary_search_by_key(&feature, |known| known.feature).ok().and_then(|k| self.contacts.get(k))
     }
 
-    /// What the ticks before left of a sticking contact's displacement \[m\], and the snapshots that came while it stuck.
-    pub(super) fn slip(&self, feature: u64) -> (Vector3<f64>, u32) {
-        self.known(feature).map_or((ZERO, 0), |known| (known.slip, known.stuck))
+    /// What the ticks before left of a sticking contact's displacement \[m\], the snapshots that came while it stuck, and what is owed.
+    pub(super) fn slip(&self, feature: u64) -> (Vector3<f64>, u32, Owed) {
+        self.known(feature).map_or((ZERO, 0, Owed::NONE), |known| (known.slip, known.stuck, known.owed))
     }
 
     /// Starts each contact from the force that its feature had.
@@ -281,7 +287,8 @@ impl PatchMemory {
         (self.tool, self.fade) = (Some(*tool), now.fade);
         self.contacts.clear();
         let rows = ws.rows.contact.iter().filter(|row| row.body.is_none()).take(self.max_contacts);
-        self.contacts.extend(rows.filter(|row| row.force != ZERO).map(Known::new));
+        self.contacts
+            .extend(rows.filter(|row| row.force != ZERO || row.rest() < 0.0 || row.owed.gap != 0.0).map(Known::new));
         let of_bodies = ws.moved.iter().take(y).chain(std::iter::repeat(&ZERO));
         for ((body, contact), moved) in self.bodies.iter_mut().zip(patch.bodies.all()).zip(of_bodies) {
             body.keep(contact, &now, moved, contact.approach(&self.led[0], tool).x);

@@ -32,8 +32,9 @@ use nalgebra::Vector3;
 use palpate_collision::PatchDetection;
 use palpate_collision::detection::DetectionConfig;
 use palpate_collision::{Tool, ToolPose};
-use palpate_solver::gauss_seidel::{self, GaussSeidelConfig};
+use palpate_solver::gauss_seidel::GaussSeidelConfig;
 use palpate_solver::problem::ProblemView;
+use palpate_solver::stepped_sweeps::{self, Steps};
 
 use super::local::{Local, TickWorkspace};
 use crate::SetupError;
@@ -41,6 +42,7 @@ use crate::coupling::Coupling;
 use crate::error::non_negative;
 use crate::gripper::Gripper;
 use crate::patch::HapticPatch;
+use crate::snapshot::ROWS_PER_CONTACT;
 
 use creep::Moment;
 use jaws::Jaws;
@@ -50,6 +52,9 @@ use rows::Rows;
 /// Gap \[m\] up to which a feature of the patch is a contact of the tick. Deep in coarse skin, contacts that let go move it by
 /// a millimetre: what would then touch must be in the problem, or the ticks go round among sets of contacts.
 const NEAR: f64 = 2e-3;
+
+/// Unknowns of a step of Newton: more have no room, and are more than a tick has time for.
+const MOST_UNKNOWNS: usize = 96;
 
 /// How ticks work on patches.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,6 +93,7 @@ pub(super) struct PatchWorkspace {
     detection: PatchDetection,
     config: DetectionConfig,
     rows: Rows,
+    steps: Steps,
     /// Nodes under the forces of the tick before, at this tick's place in the hand-over \[m\].
     shape: Vec<Vector3<f64>>,
     /// Nodal forces \[N\] that the tick found, and C times them \[m\].
@@ -106,6 +112,7 @@ impl PatchWorkspace {
             detection: PatchDetection::for_tool(nodes, contacts, &config.tool),
             config: DetectionConfig { margin, ..config.detection },
             rows: Rows::new(contacts, config.max_bodies),
+            steps: Steps::with_capacity(ROWS_PER_CONTACT * (contacts + config.max_bodies), MOST_UNKNOWNS),
             shape: zeros(nodes),
             force: zeros(places),
             moved: zeros(places),
@@ -174,7 +181,9 @@ impl PatchProblem<'_> {
 
         memory.warm_start(rows);
         let view = ProblemView { compliance: w, stride: m, delta_free: &rows.delta_free, blocks: &rows.blocks };
-        let report = gauss_seidel::solve(&view, &mut rows.lambda, self.solver, solver);
+        // Tissue that is held moves little for forces out of balance, and its sweeps are soon done.
+        let before: &[f64] = if patch.viscosity > 0.0 { &[] } else { &rows.before };
+        let report = stepped_sweeps::solve(&view, (&mut rows.lambda, before), self.solver, solver, &mut scratch.steps);
         rows.note_gaps(solver.delta());
         rows.spread(&mut scratch.force[..places]);
         patch.yielding(&scratch.force[..places], &mut scratch.sum, &mut scratch.moved[..places]);

@@ -9,6 +9,7 @@ use palpate_solver::problem::Block;
 use super::ToolPoses;
 use super::creep::Moment;
 use super::jaws::Jaws;
+use super::known::Owed;
 use super::memory::PatchMemory;
 use crate::patch::HapticPatch;
 use crate::snapshot::ROWS_PER_CONTACT;
@@ -42,6 +43,7 @@ pub(super) struct Row {
     pub(super) stuck: u32,
     /// Gap that the forces leave \[m\].
     pub(super) gap: f64,
+    pub(super) owed: Owed,
 }
 
 /// Rows of all contacts of a tick: workspace.
@@ -52,6 +54,8 @@ pub(super) struct Rows {
     /// Gap without contact forces \[m\], and forces \[N\], one a row.
     pub(super) delta_free: Vec<f64>,
     pub(super) lambda: Vec<f64>,
+    /// Gap at the nodal forces of the tick before \[m\]: those of its contacts leave another where a contact is now another.
+    pub(super) before: Vec<f64>,
     law: Law,
     max_contacts: usize,
 }
@@ -66,6 +70,7 @@ impl Rows {
             blocks: Vec::with_capacity(all),
             delta_free: Vec::with_capacity(rows),
             lambda: Vec::with_capacity(rows),
+            before: Vec::with_capacity(rows),
             law: Signorini.into(),
             max_contacts: contacts,
         }
@@ -97,13 +102,14 @@ impl Rows {
         self.contact.clear();
         self.blocks.clear();
         self.delta_free.clear();
+        self.before.clear();
         self.law = patch.law;
         let (each, bodies) = (self.rows_each(), patch.bodies.yielding());
         for contact in contacts.iter().take(self.max_contacts) {
             let directions = ContactFrame::new(contact.normal).directions();
             let path = jaws.of(contact.feature);
             let lever = contact.tissue_point - jaws.origin();
-            let (slip, stuck) = memory.slip(contact.feature);
+            let (slip, stuck, owed) = memory.slip(contact.feature);
             let mut row = Row {
                 feature: contact.feature,
                 body: None,
@@ -119,12 +125,14 @@ impl Rows {
                 slip: Vector3::zeros(),
                 stuck,
                 gap: f64::INFINITY,
+                owed,
             };
             // How the point yields to the forces of the tick before, and how it has moved since without them.
             let (mut yielded, mut moved) = (Vector3::zeros(), Vector3::zeros());
             // What it is led by.
             let leads = if each > 1 { memory.leads(contact.feature, now) } else { 0.0 };
             let mut drift = Vector3::zeros();
+            let mut loaded = Vector3::zeros();
             for (&node, &weight) in contact.nodes.iter().zip(&contact.weights) {
                 let node = node as usize;
                 let (Some(here), Some(y), Some(then)) = (shape.get(node), memory.yielded(node), memory.shape(node))
@@ -134,22 +142,28 @@ impl Rows {
                 if weight != 0.0 {
                     row.add(bodies + node, weight);
                     yielded += y * weight;
+                    loaded += memory.moved(node) * weight;
                     moved += (here - y - then) * weight;
                     if leads > 0.0 {
                         drift += memory.drift(node).unwrap_or_else(Vector3::zeros) * weight;
                     }
                 }
             }
+            let held = |k: usize| directions[k].dot(&loaded) - jaws.closing(&directions[k], &lever, &row.opens);
             let normal = &directions[0];
-            let gap = contact.gap - normal.dot(&yielded) + jaws.closing(normal, &lever, &row.opens);
+            let gap =
+                contact.gap - normal.dot(&yielded) + jaws.closing(normal, &lever, &row.opens) - owed.gap * now.fade;
             self.blocks.push(Block { start: self.delta_free.len(), law: self.law.at_free_gap(gap) });
             self.delta_free.push(gap);
+            self.before.push(gap + held(0));
             if each > 1 {
-                let mut along = moved - path.of_point(&contact.tissue_point) + slip;
+                let mut along = moved - path.of_point(&contact.tissue_point) + slip + owed.slip * now.faded;
                 if leads > 0.0 {
                     along += (drift - path.until_hand_over(&contact.tissue_point)) * leads;
                 }
-                self.delta_free.extend([directions[1].dot(&along), directions[2].dot(&along)]);
+                let along = [directions[1].dot(&along), directions[2].dot(&along)];
+                self.delta_free.extend(along);
+                self.before.extend([along[0] + held(1), along[1] + held(2)]);
             }
             self.contact.push(row);
         }
@@ -177,7 +191,9 @@ impl Rows {
                 [_, t, s, ..] if holds && each == 3 => row.frame.column(1) * *t + row.frame.column(2) * *s,
                 _ => Vector3::zeros(),
             };
-            row.stuck = if holds { row.stuck } else { 0 };
+            if !holds {
+                (row.stuck, row.owed.slip) = (0, Vector3::zeros());
+            }
         }
     }
 
@@ -233,6 +249,11 @@ impl Row {
             }
             None => {}
         }
+    }
+
+    /// What the sweeps left of the gap \[m\]: all of it under a force, and what is overlap without.
+    pub(super) fn rest(&self) -> f64 {
+        if self.force == Vector3::zeros() { self.gap.min(0.0) } else { self.gap }
     }
 
     /// Torque about the tool's origin per newton along direction `k` \[m\].
