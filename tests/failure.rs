@@ -252,7 +252,7 @@ fn a_tool_that_jumps_sends_no_wild_force() {
             // Up to a crush of the block against its support, exact compliance bears the jump; what does not is named.
             let bears = compliance == ComplianceMethod::Exact && depth >= 0.030;
             assert!(!bears || summary.end == RunEnd::Completed, "to {depth}");
-            assert_eq!(summary.end == RunEnd::BodyFailed, summary.notes.iter().any(|n| n.contains("body tissue")));
+            assert_eq!(summary.end == RunEnd::BodyFailed, summary.notes.iter().any(|n| n.contains("was rolled back")));
         }
     }
 }

@@ -241,7 +241,7 @@ mod tests {
             let mut text = BLOCK.to_string();
             for k in 0..n {
                 let x = 1.0 + 0.1 * k as f64;
-                let ball = r#"shape = { kind = "ball", radius = 0.01 }"#;
+                let ball = r#"shape = { kind = "sphere", radius = 0.01 }"#;
                 writeln!(text, "[[rigid_body]]\nname = \"b{k}\"\n{ball}\nmass = 0.1\nposition = [{x}, 0, 0]").unwrap();
             }
             Scene::from_toml(&text, Path::new("")).unwrap().build()
