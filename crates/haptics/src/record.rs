@@ -159,6 +159,8 @@ pub struct TickRecord {
     pub residual: f64,
     /// Number of the step that made the snapshot.
     pub snapshot_step: u64,
+    /// Whether that snapshot was valid, whatever else kept the tick from its force.
+    pub snapshot_valid: bool,
     /// Time since the snapshot was taken over \[s\]; infinite if none ever was.
     pub snapshot_age: f64,
     /// |F_new − F_old| \[N\] at the tick that takes over a snapshot: the contact force with the new against the old one

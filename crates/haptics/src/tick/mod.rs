@@ -247,6 +247,7 @@ fn record(
         sweeps: local.sweeps,
         residual: local.residual,
         snapshot_step: snapshot.step,
+        snapshot_valid: snapshot.valid,
         snapshot_age: state.age,
         force_jump,
         gripper: GripperRecord::default(),

@@ -4,6 +4,8 @@
 //! what another had published; the records say which value it was, and the same calculations are done in an order that
 //! gives every one the values that it had.
 
+#[cfg(test)]
+mod interrupted;
 mod recorded;
 
 use std::path::{Path, PathBuf};

@@ -1,8 +1,8 @@
 //! A run in real time once more, from what its trace says that each stage had.
 //!
 //! A step names the tool pose and the factor that it used, a factor the step whose matrix it is of, a tick the pose of
-//! the device, its time and the step whose snapshot it had. Steps are done when the first tick needs them, factors when
-//! their matrix is there.
+//! the device, its time, the step whose snapshot it had, and whether that was valid: a pause, and the end of a run, put one
+//! that is not in the place of the last. Steps are done when the first tick needs them, factors when their matrix is there.
 
 use std::collections::VecDeque;
 
@@ -16,6 +16,7 @@ use palpate_trace::{FactorStatus, TickFlags, TickRecord, Trace};
 
 use super::Comparison;
 use crate::changes::{ChangeQueue, TakenChange, from_text};
+use crate::engine::publish_rest;
 use crate::pace::seconds;
 use crate::record::{CHANGES, DEVICE_RECORD, END, TickLine};
 use crate::refresh::FactorSample;
@@ -39,6 +40,9 @@ pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_
         if !complete {
             return Ok(false);
         }
+        if record.flags.contains(TickFlags::NO_SNAPSHOT) {
+            steps.rest();
+        }
         let time = seconds(record.time_ns);
         let dt = ticker.since(before.replace(time), time);
         let record = ticker.tick(time, dt);
@@ -59,6 +63,8 @@ struct Steps<'a> {
     changes: VecDeque<TakenChange>,
     queue: ChangeQueue,
     snapshots: Writer<HapticSnapshot>,
+    /// Whether the last snapshot that was published is valid.
+    valid: bool,
 }
 
 impl<'a> Steps<'a> {
@@ -69,7 +75,15 @@ impl<'a> Steps<'a> {
         let text = trace.metadata.get(END).and_then(|end| end.get(CHANGES)).map_or("", String::as_str);
         let changes = from_text(text).unwrap_or_default().into();
         let queue = ChangeQueue::new(world, &mut ws);
-        Ok(Self { world, trace, state: StepState::new(world, rest), ws, factors, changes, queue, snapshots })
+        let state = StepState::new(world, rest);
+        Ok(Self { world, trace, state, ws, factors, changes, queue, snapshots, valid: false })
+    }
+
+    /// Takes the snapshot of the last step back, as a pause does.
+    fn rest(&mut self) {
+        if std::mem::take(&mut self.valid) {
+            publish_rest(&mut self.snapshots, self.state.step);
+        }
     }
 
     /// Goes on until `count` steps are done and the snapshot of the last is published; false where a record is missing.
@@ -97,6 +111,7 @@ impl<'a> Steps<'a> {
         pass_events(self.world, time, factor, &mut self.state, &mut self.ws);
         let input = StepInput { time, tool, factor };
         let report = step(self.world, &input, &mut self.state, &mut self.ws, self.snapshots.value_mut());
+        self.valid = self.snapshots.value_mut().valid;
         self.snapshots.publish();
         let made = |factor: &&palpate_trace::FactorRecord| {
             factor.taken_step == number && factor.status == FactorStatus::Ready && report.status == StepStatus::Advanced
