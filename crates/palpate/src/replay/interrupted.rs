@@ -1,4 +1,4 @@
-//! Tests: do runs replay that were paused, or stopped under contact?
+//! Tests: do runs replay that were paused, stopped under contact, or killed?
 
 use std::ops::Range;
 use std::path::Path;
@@ -10,7 +10,8 @@ use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, HapticDevic
 use palpate_haptics::wrench::Wrench;
 use palpate_trace::{TickFlags, Trace};
 
-use super::replay;
+use super::recorded::tests::rewrite;
+use super::{ReplayError, replay};
 use crate::engine::Engine;
 use crate::gathering::Gathering;
 use crate::pace::seconds;
@@ -146,9 +147,9 @@ fn tick_until(port: &mut Port, suits: impl Fn(&PortReport) -> bool) {
 }
 
 #[test]
-fn a_session_that_is_paused_cut_and_stopped_under_contact_replays_to_the_bit() {
+fn a_session_that_is_paused_cut_and_stopped_under_contact_replays_and_one_that_is_killed_says_what_it_lacks() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("session.mcap");
+    let (path, copy) = (folder.path().join("session.mcap"), folder.path().join("killed.mcap"));
     let options = RunOptions { trace: Some(path.clone()), threads: Some(1), ..RunOptions::default() };
     let (mut session, mut port) = Session::open(Arc::new(changeable()), &options).unwrap();
     assert!(session.start());
@@ -170,4 +171,10 @@ fn a_session_that_is_paused_cut_and_stopped_under_contact_replays_to_the_bit() {
     }
     let report = replay(&path).unwrap();
     assert!(report.is_identical() && report.ticks > 10, "{report:?}");
+
+    let trace = Trace::load(&path).unwrap();
+    let changed = trace.steps.iter().find(|step| step.phase == 1).unwrap().step;
+    rewrite(&trace, &copy);
+    let error = replay(&copy).unwrap_err();
+    assert!(matches!(error, ReplayError::MissingChanges { step, .. } if step == changed), "{error}");
 }

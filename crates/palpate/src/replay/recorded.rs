@@ -12,7 +12,7 @@ use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, HapticDevic
 use palpate_haptics::exchange::{Writer, latest};
 use palpate_haptics::snapshot::HapticSnapshot;
 use palpate_haptics::wrench::{Twist, Wrench};
-use palpate_trace::{FactorStatus, TickFlags, TickRecord, Trace};
+use palpate_trace::{FactorStatus, StepRecord, TickFlags, TickRecord, Trace};
 
 use super::Comparison;
 use crate::changes::{ChangeQueue, TakenChange, from_text};
@@ -25,8 +25,18 @@ use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, p
 use crate::tick::{TickReport, Ticker};
 use crate::world::World;
 
-/// Does every tick of the trace again and hands it to the comparison; false where a record is missing.
-pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_>) -> Result<bool, RunError> {
+/// How far a trace could be followed.
+pub(super) enum Reached {
+    /// To its last tick.
+    End,
+    /// To a record that is not there.
+    MissingRecord,
+    /// To a step that had another body than what the trace tells makes.
+    MissingChange { step: u64 },
+}
+
+/// Does every tick of the trace again, as far as it can be followed, and hands it to the comparison.
+pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_>) -> Result<Reached, RunError> {
     let (snapshot_writer, snapshots) = latest(&world.empty_snapshot());
     let (poses, _) = latest(&world.first_tool());
     let stated = trace.metadata.get("engine").and_then(|engine| engine.get(DEVICE_RECORD));
@@ -36,9 +46,11 @@ pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_
     let mut steps = Steps::new(world, trace, snapshot_writer)?;
     let mut before = None;
     for (index, record) in trace.ticks.iter().enumerate() {
-        let complete = record.tick == index as u64 && steps.up_to(record.snapshot_step, comparison);
-        if !complete {
-            return Ok(false);
+        if record.tick != index as u64 {
+            return Ok(Reached::MissingRecord);
+        }
+        if let Err(reached) = steps.up_to(record.snapshot_step, comparison) {
+            return Ok(reached);
         }
         if record.flags.contains(TickFlags::NO_SNAPSHOT) {
             steps.rest();
@@ -48,7 +60,7 @@ pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_
         let record = ticker.tick(time, dt);
         comparison.tick(&TickReport { record, latency: 0.0, work: 0.0, overruns: 0 });
     }
-    Ok(!trace.ticks.is_empty())
+    Ok(if trace.ticks.is_empty() { Reached::MissingRecord } else { Reached::End })
 }
 
 /// The steps of the trace, and the factors that later ones will want.
@@ -86,19 +98,25 @@ impl<'a> Steps<'a> {
         }
     }
 
-    /// Goes on until `count` steps are done and the snapshot of the last is published; false where a record is missing.
-    fn up_to(&mut self, count: u64, comparison: &mut Comparison<'_>) -> bool {
+    /// Goes on until `count` steps are done and the snapshot of the last is published.
+    fn up_to(&mut self, count: u64, comparison: &mut Comparison<'_>) -> Result<(), Reached> {
         while self.state.step < count {
-            let Some(report) = self.advance() else { return false };
+            let step = self.state.step;
+            let record = usize::try_from(step).ok().and_then(|k| self.trace.steps.get(k));
+            let record = record.filter(|record| record.step == step).ok_or(Reached::MissingRecord)?;
+            let report = self.advance(record).ok_or(Reached::MissingRecord)?;
+            // Text of the changes that is missing, or that cannot be read, shows at the first that was taken.
+            if report.change.phase != record.phase {
+                return Err(Reached::MissingChange { step });
+            }
             comparison.step(&report);
         }
-        true
+        Ok(())
     }
 
-    /// The next step.
-    fn advance(&mut self) -> Option<StepReport> {
+    /// The next step, from its record.
+    fn advance(&mut self, record: &StepRecord) -> Option<StepReport> {
         let number = self.state.step;
-        let record = self.trace.steps.get(usize::try_from(number).ok()?).filter(|record| record.step == number)?;
         let in_use = self.factors.iter().position(|factor| factor.epoch == record.factor_epoch)?;
         self.factors.drain(..in_use);
         let time = seconds(record.time_ns);
@@ -172,7 +190,7 @@ fn pose(position: [f64; 3], orientation: [f64; 4]) -> Isometry3<f64> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::sync::atomic::AtomicBool;
 
     use crate::replay::{ReplayError, replay};
@@ -205,7 +223,8 @@ mod tests {
         assert!(matches!(replay(&copy), Err(ReplayError::RealTime { .. })), "a factor is missing");
     }
 
-    fn rewrite(trace: &Trace, path: &std::path::Path) {
+    /// Without how the run ended, as a trace of a run that was killed.
+    pub(in crate::replay) fn rewrite(trace: &Trace, path: &std::path::Path) {
         let mut engine = trace.metadata["engine"].clone();
         engine.remove("start_unix_ns");
         let config = TraceConfig { engine, attachments: trace.attachments.clone(), ..TraceConfig::default() };
