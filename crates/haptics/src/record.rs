@@ -174,6 +174,8 @@ pub struct TickRecord {
     pub gripper: GripperRecord,
     /// What happened.
     pub flags: TickFlags,
+    /// Whether the device told its pose; if so, `device_error` is that of its force.
+    pub sampled: bool,
     /// Why the device did not answer.
     pub device_error: Option<DeviceError>,
 }

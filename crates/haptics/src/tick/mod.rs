@@ -194,7 +194,7 @@ impl Tick {
         state.outgoing = None;
         let record = record(state, snapshot, TickTime { dt: aged, ..time }, Wrench::zero(), &Local::EMPTY, 0.0, flags);
         let gripper = self.grip(state, 0.0, time.dt, &mut TickFlags::default());
-        TickRecord { device_error: Some(error), gripper, ..record }
+        TickRecord { sampled: false, device_error: Some(error), gripper, ..record }
     }
 
     /// Takes a sound sample, `dt` \[s\] after the tick before, and books what went through the port until now.
@@ -254,6 +254,7 @@ fn record(
         gain: state.limits.gain,
         energy: state.passivity.energy(),
         flags,
+        sampled: true,
         device_error: None,
     }
 }

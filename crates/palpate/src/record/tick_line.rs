@@ -27,6 +27,7 @@ impl TickLine {
         flags.set(trace::TickFlags::STALE_SNAPSHOT, r.flags.contains(TickFlags::STALE));
         flags.set(trace::TickFlags::NON_FINITE, r.flags.contains(TickFlags::NON_FINITE));
         flags.set(trace::TickFlags::DEVICE_MISSING, r.flags.contains(TickFlags::DEVICE_ERROR));
+        flags.set(trace::TickFlags::WRITE_FAILED, r.sampled && r.device_error.is_some());
         flags.set(trace::TickFlags::OVERRUN, report.overruns > 0);
         flags.set(trace::TickFlags::CONTACTS_DROPPED, r.flags.contains(TickFlags::TRUNCATED));
         // In ticks without a sound sample too: a replay must know when a rest was taken over.

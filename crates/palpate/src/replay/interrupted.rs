@@ -1,4 +1,4 @@
-//! Tests: do runs replay that were paused, stopped under contact, or killed?
+//! Tests: do runs replay that were paused, stopped under contact, killed, or served by a device that failed?
 
 use std::ops::Range;
 use std::path::Path;
@@ -32,15 +32,18 @@ fn press(tick: u64) -> [f64; 3] {
 #[derive(Clone)]
 struct Faulty {
     spec: DeviceSpec,
+    tick: u64,
     /// Its pose is no number.
     unsound: Range<u64>,
     /// It tells no pose.
     silent: Range<u64>,
+    /// It does not take the force.
+    forceless: Range<u64>,
 }
 
 impl Faulty {
     fn sound() -> Self {
-        Self { spec: DeviceSpec::virtual_device(0.0), unsound: 0..0, silent: 0..0 }
+        Self { spec: DeviceSpec::virtual_device(0.0), tick: 0, unsound: 0..0, silent: 0..0, forceless: 0..0 }
     }
 }
 
@@ -50,18 +53,19 @@ impl HapticDevice for Faulty {
     }
 
     fn read(&mut self, tick: TickTime) -> Result<DeviceSample, DeviceError> {
+        self.tick = tick.index;
         let [x, y, mut z] = press(tick.index);
-        if self.silent.contains(&tick.index) {
+        if self.silent.contains(&self.tick) {
             return Err(DeviceError::Timeout);
         }
-        if self.unsound.contains(&tick.index) {
+        if self.unsound.contains(&self.tick) {
             z = f64::NAN;
         }
         Ok(DeviceSample::at_rest(tick.time, Isometry3::translation(x, y, z)))
     }
 
     fn write(&mut self, _wrench: Wrench) -> Result<(), DeviceError> {
-        Ok(())
+        if self.forceless.contains(&self.tick) { Err(DeviceError::Timeout) } else { Ok(()) }
     }
 
     fn close(&mut self) {}
@@ -119,6 +123,19 @@ fn pauses_and_an_end_under_contact_replay_to_the_bit() {
     assert!(trace.ticks[700].flags.contains(TickFlags::NO_SNAPSHOT | TickFlags::DEVICE_MISSING));
     let report = replay(&path).unwrap();
     assert!(report.is_identical() && report.ticks == 800, "{report:?}");
+}
+
+#[test]
+fn a_force_that_the_device_did_not_take_replays_to_the_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("forceless.mcap");
+    let trace = record(&path, Faulty { forceless: 400..403, ..Faulty::sound() }, 600, &[]);
+    let failed = TickFlags::DEVICE_MISSING | TickFlags::WRITE_FAILED;
+    let told: Vec<_> = trace.ticks.iter().filter(|t| t.flags.contains(failed)).map(|t| t.tick).collect();
+    assert_eq!(told, [400, 401, 402]);
+    assert!(force(&trace, 399) > 0.1 && force(&trace, 400) == 0.0, "{} N", force(&trace, 399));
+    let report = replay(&path).unwrap();
+    assert!(report.is_identical() && report.ticks == 600, "{report:?}");
 }
 
 /// The block of [`slide`] with room for a change.

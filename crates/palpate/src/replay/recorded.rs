@@ -41,7 +41,7 @@ pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_
     let (poses, _) = latest(&world.first_tool());
     let stated = trace.metadata.get("engine").and_then(|engine| engine.get(DEVICE_RECORD));
     let spec = stated.and_then(|text| toml::from_str(text).ok()).unwrap_or_else(|| DeviceSpec::virtual_device(0.0));
-    let device = RecordedDevice { spec, ticks: trace.ticks.clone() };
+    let device = RecordedDevice { spec, ticks: trace.ticks.clone(), takes_force: true };
     let mut ticker = Ticker::new(world, Box::new(device), snapshots, poses, TickLine::none())?;
     let mut steps = Steps::new(world, trace, snapshot_writer)?;
     let mut before = None;
@@ -151,10 +151,12 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// A device that measures what another one measured.
+/// A device that measures what another one measured, and fails where that one failed.
 struct RecordedDevice {
     spec: DeviceSpec,
     ticks: Vec<TickRecord>,
+    /// Whether the device took the force of the tick at hand.
+    takes_force: bool,
 }
 
 impl HapticDevice for RecordedDevice {
@@ -164,7 +166,8 @@ impl HapticDevice for RecordedDevice {
 
     fn read(&mut self, tick: TickTime) -> Result<DeviceSample, DeviceError> {
         let record = usize::try_from(tick.index).ok().and_then(|k| self.ticks.get(k)).ok_or(DeviceError::Closed)?;
-        if record.flags.contains(TickFlags::DEVICE_MISSING) {
+        self.takes_force = !record.flags.contains(TickFlags::WRITE_FAILED);
+        if record.flags.contains(TickFlags::DEVICE_MISSING) && self.takes_force {
             return Err(DeviceError::Timeout);
         }
         let mut pose = pose(record.device_position, record.device_orientation);
@@ -177,7 +180,7 @@ impl HapticDevice for RecordedDevice {
     }
 
     fn write(&mut self, _wrench: Wrench) -> Result<(), DeviceError> {
-        Ok(())
+        if self.takes_force { Ok(()) } else { Err(DeviceError::Timeout) }
     }
 
     fn close(&mut self) {}
