@@ -108,7 +108,7 @@ fn what_is_no_problem_at_all_is_told_with_a_remedy() {
         ("solve empty.dat --solver nonsense", &["nonsense", "gauss_seidel", "automatic"]),
         ("check folder", &["folder", "is a folder"]),
         ("check empty.dat", &["empty.dat", "empty", "palpate scenes"]),
-        ("check picture.png", &["picture.png", "UTF-8"]),
+        ("check picture.png", &["picture.png", "not a text file"]),
         ("plan absent.toml", &["absent.toml", "liver"]),
         ("chart solvers --out empty.dat", &["--out empty.dat", "folder"]),
         ("chart nonsense", &["nonsense", "tissue"]),

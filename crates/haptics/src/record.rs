@@ -159,6 +159,8 @@ pub struct TickRecord {
     pub residual: f64,
     /// Number of the step that made the snapshot.
     pub snapshot_step: u64,
+    /// Whether that snapshot was valid, whatever else kept the tick from its force.
+    pub snapshot_valid: bool,
     /// Time since the snapshot was taken over \[s\]; infinite if none ever was.
     pub snapshot_age: f64,
     /// |F_new − F_old| \[N\] at the tick that takes over a snapshot: the contact force with the new against the old one
@@ -172,6 +174,8 @@ pub struct TickRecord {
     pub gripper: GripperRecord,
     /// What happened.
     pub flags: TickFlags,
+    /// Whether the device told its pose; if so, `device_error` is that of its force.
+    pub sampled: bool,
     /// Why the device did not answer.
     pub device_error: Option<DeviceError>,
 }

@@ -144,6 +144,15 @@ pub(crate) fn workers(threads: Option<usize>) -> Result<ThreadPool, RunError> {
         .map_err(|e| RunError::Threads(e.to_string()))
 }
 
+/// Publishes a rest after `steps` steps. It has the number of the last one, 0 before the first; that it is not valid tells
+/// the two apart, in a trace too.
+pub(crate) fn publish_rest(snapshots: &mut Writer<HapticSnapshot>, steps: u64) {
+    let snapshot = snapshots.value_mut();
+    snapshot.clear();
+    snapshot.step = steps;
+    snapshots.publish();
+}
+
 /// The step with everything that it reads and writes.
 pub(crate) struct StepStage<'w> {
     world: &'w World,
@@ -185,11 +194,7 @@ impl StepStage<'_> {
     /// Hands the tick a snapshot without contacts that is marked as not valid: the force comes down to zero at the rate
     /// that the limits allow, and its return is a ramp.
     pub(crate) fn rest(&mut self) {
-        let snapshot = self.snapshots.value_mut();
-        snapshot.clear();
-        // 0 would say that none has come yet.
-        snapshot.step = self.state.step.max(1);
-        self.snapshots.publish();
+        publish_rest(&mut self.snapshots, self.state.step);
     }
 
     /// Whether the tick has told a pose since the last step.

@@ -194,7 +194,7 @@ impl Tick {
         state.outgoing = None;
         let record = record(state, snapshot, TickTime { dt: aged, ..time }, Wrench::zero(), &Local::EMPTY, 0.0, flags);
         let gripper = self.grip(state, 0.0, aged, &mut TickFlags::default());
-        TickRecord { device_error: Some(error), gripper, ..record }
+        TickRecord { sampled: false, device_error: Some(error), gripper, ..record }
     }
 
     /// Takes a sound sample, `dt` \[s\] after the tick before, and books what went through the port until now.
@@ -247,12 +247,14 @@ fn record(
         sweeps: local.sweeps,
         residual: local.residual,
         snapshot_step: snapshot.step,
+        snapshot_valid: snapshot.valid,
         snapshot_age: state.age,
         force_jump,
         gripper: GripperRecord::default(),
         gain: state.limits.gain,
         energy: state.passivity.energy(),
         flags,
+        sampled: true,
         device_error: None,
     }
 }

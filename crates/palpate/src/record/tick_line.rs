@@ -27,10 +27,11 @@ impl TickLine {
         flags.set(trace::TickFlags::STALE_SNAPSHOT, r.flags.contains(TickFlags::STALE));
         flags.set(trace::TickFlags::NON_FINITE, r.flags.contains(TickFlags::NON_FINITE));
         flags.set(trace::TickFlags::DEVICE_MISSING, r.flags.contains(TickFlags::DEVICE_ERROR));
+        flags.set(trace::TickFlags::WRITE_FAILED, r.sampled && r.device_error.is_some());
         flags.set(trace::TickFlags::OVERRUN, report.overruns > 0);
         flags.set(trace::TickFlags::CONTACTS_DROPPED, r.flags.contains(TickFlags::TRUNCATED));
-        let no_snapshot = r.flags.contains(TickFlags::NO_SNAPSHOT) || r.flags.contains(TickFlags::INVALID_SNAPSHOT);
-        flags.set(trace::TickFlags::NO_SNAPSHOT, no_snapshot);
+        // In ticks without a sound sample too: a replay must know when a rest was taken over.
+        flags.set(trace::TickFlags::NO_SNAPSHOT, !r.snapshot_valid);
         flags.set(trace::TickFlags::BAD_POSE, r.flags.contains(TickFlags::BAD_POSE));
         flags.set(trace::TickFlags::NEW_SNAPSHOT, r.flags.contains(TickFlags::NEW_SNAPSHOT));
         flags.set(trace::TickFlags::UNCONVERGED, r.flags.contains(TickFlags::NOT_CONVERGED));

@@ -4,6 +4,8 @@
 //! what another had published; the records say which value it was, and the same calculations are done in an order that
 //! gives every one the values that it had.
 
+#[cfg(test)]
+mod interrupted;
 mod recorded;
 
 use std::path::{Path, PathBuf};
@@ -17,6 +19,7 @@ use crate::run::{Length, Observer, RunError, RunOptions, run};
 use crate::scene::{Scene, SceneError};
 use crate::step::{StepReport, digest};
 use crate::tick::TickReport;
+use recorded::Reached;
 
 /// What a comparison found.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,6 +67,18 @@ pub enum ReplayError {
         /// The trace.
         path: PathBuf,
     },
+    /// The body was changed from outside, and how is not in the trace or cannot be read.
+    #[error(
+        "{path}: the body was changed from outside before step {step}, and the trace does not say how: changes are \
+         written when a run ends, and this one was killed or its trace was cut off; end the session before its program",
+        path = path.display()
+    )]
+    MissingChanges {
+        /// The trace.
+        path: PathBuf,
+        /// The first step with the changed body.
+        step: u64,
+    },
     /// Its scene cannot be built.
     #[error(transparent)]
     Scene(#[from] SceneError),
@@ -75,7 +90,8 @@ pub enum ReplayError {
 /// Runs the scene of a trace again, as far as the trace goes.
 ///
 /// # Errors
-/// An unreadable trace, one without a scene or any tick, or one recorded in real time that lacks records.
+/// An unreadable trace, one without a scene or any tick, or one recorded in real time that lacks records or
+/// changes from outside.
 pub fn replay(path: &Path) -> Result<ReplayReport, ReplayError> {
     let (trace, damage) = Trace::recover(path)?;
     let damage = match damage {
@@ -92,9 +108,12 @@ pub fn replay(path: &Path) -> Result<ReplayReport, ReplayError> {
     let world = scene.build()?;
     let mut comparison = Comparison::new(&trace);
     if entry("mode") != LOCKSTEP {
-        let complete = workers(None)?.install(|| recorded::again(&world, &trace, &mut comparison))?;
-        let report = ReplayReport { damage, ..comparison.report() };
-        return if complete { Ok(report) } else { Err(ReplayError::RealTime { path: path.into() }) };
+        let path = || path.to_path_buf();
+        return match workers(None)?.install(|| recorded::again(&world, &trace, &mut comparison))? {
+            Reached::End => Ok(ReplayReport { damage, ..comparison.report() }),
+            Reached::MissingRecord => Err(ReplayError::RealTime { path: path() }),
+            Reached::MissingChange { step } => Err(ReplayError::MissingChanges { path: path(), step }),
+        };
     }
     // A run that was interrupted or killed is as long as it came.
     let ended = trace.metadata.get(END).and_then(|end| end.get(TICKS)?.parse::<u64>().ok());

@@ -1,8 +1,8 @@
 //! A run in real time once more, from what its trace says that each stage had.
 //!
 //! A step names the tool pose and the factor that it used, a factor the step whose matrix it is of, a tick the pose of
-//! the device, its time and the step whose snapshot it had. Steps are done when the first tick needs them, factors when
-//! their matrix is there.
+//! the device, its time, the step whose snapshot it had, and whether that was valid: a pause, and the end of a run, put one
+//! that is not in the place of the last. Steps are done when the first tick needs them, factors when their matrix is there.
 
 use std::collections::VecDeque;
 
@@ -12,10 +12,11 @@ use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, HapticDevic
 use palpate_haptics::exchange::{Writer, latest};
 use palpate_haptics::snapshot::HapticSnapshot;
 use palpate_haptics::wrench::{Twist, Wrench};
-use palpate_trace::{FactorStatus, TickFlags, TickRecord, Trace};
+use palpate_trace::{FactorStatus, StepRecord, TickFlags, TickRecord, Trace};
 
 use super::Comparison;
 use crate::changes::{ChangeQueue, TakenChange, from_text};
+use crate::engine::publish_rest;
 use crate::pace::seconds;
 use crate::record::{CHANGES, DEVICE_RECORD, END, TickLine};
 use crate::refresh::FactorSample;
@@ -24,27 +25,42 @@ use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, p
 use crate::tick::{TickReport, Ticker};
 use crate::world::World;
 
-/// Does every tick of the trace again and hands it to the comparison; false where a record is missing.
-pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_>) -> Result<bool, RunError> {
+/// How far a trace could be followed.
+pub(super) enum Reached {
+    /// To its last tick.
+    End,
+    /// To a record that is not there.
+    MissingRecord,
+    /// To a step that had another body than what the trace tells makes.
+    MissingChange { step: u64 },
+}
+
+/// Does every tick of the trace again, as far as it can be followed, and hands it to the comparison.
+pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_>) -> Result<Reached, RunError> {
     let (snapshot_writer, snapshots) = latest(&world.empty_snapshot());
     let (poses, _) = latest(&world.first_tool());
     let stated = trace.metadata.get("engine").and_then(|engine| engine.get(DEVICE_RECORD));
     let spec = stated.and_then(|text| toml::from_str(text).ok()).unwrap_or_else(|| DeviceSpec::virtual_device(0.0));
-    let device = RecordedDevice { spec, ticks: trace.ticks.clone() };
+    let device = RecordedDevice { spec, ticks: trace.ticks.clone(), takes_force: true };
     let mut ticker = Ticker::new(world, Box::new(device), snapshots, poses, TickLine::none())?;
     let mut steps = Steps::new(world, trace, snapshot_writer)?;
     let mut before = None;
     for (index, record) in trace.ticks.iter().enumerate() {
-        let complete = record.tick == index as u64 && steps.up_to(record.snapshot_step, comparison);
-        if !complete {
-            return Ok(false);
+        if record.tick != index as u64 {
+            return Ok(Reached::MissingRecord);
+        }
+        if let Err(reached) = steps.up_to(record.snapshot_step, comparison) {
+            return Ok(reached);
+        }
+        if record.flags.contains(TickFlags::NO_SNAPSHOT) {
+            steps.rest();
         }
         let time = seconds(record.time_ns);
         let dt = ticker.since(before.replace(time), time);
         let record = ticker.tick(time, dt);
         comparison.tick(&TickReport { record, latency: 0.0, work: 0.0, overruns: 0 });
     }
-    Ok(!trace.ticks.is_empty())
+    Ok(if trace.ticks.is_empty() { Reached::MissingRecord } else { Reached::End })
 }
 
 /// The steps of the trace, and the factors that later ones will want.
@@ -59,6 +75,8 @@ struct Steps<'a> {
     changes: VecDeque<TakenChange>,
     queue: ChangeQueue,
     snapshots: Writer<HapticSnapshot>,
+    /// Whether the last snapshot that was published is valid.
+    valid: bool,
 }
 
 impl<'a> Steps<'a> {
@@ -69,22 +87,36 @@ impl<'a> Steps<'a> {
         let text = trace.metadata.get(END).and_then(|end| end.get(CHANGES)).map_or("", String::as_str);
         let changes = from_text(text).unwrap_or_default().into();
         let queue = ChangeQueue::new(world, &mut ws);
-        Ok(Self { world, trace, state: StepState::new(world, rest), ws, factors, changes, queue, snapshots })
+        let state = StepState::new(world, rest);
+        Ok(Self { world, trace, state, ws, factors, changes, queue, snapshots, valid: false })
     }
 
-    /// Goes on until `count` steps are done and the snapshot of the last is published; false where a record is missing.
-    fn up_to(&mut self, count: u64, comparison: &mut Comparison<'_>) -> bool {
+    /// Takes the snapshot of the last step back, as a pause does.
+    fn rest(&mut self) {
+        if std::mem::take(&mut self.valid) {
+            publish_rest(&mut self.snapshots, self.state.step);
+        }
+    }
+
+    /// Goes on until `count` steps are done and the snapshot of the last is published.
+    fn up_to(&mut self, count: u64, comparison: &mut Comparison<'_>) -> Result<(), Reached> {
         while self.state.step < count {
-            let Some(report) = self.advance() else { return false };
+            let step = self.state.step;
+            let record = usize::try_from(step).ok().and_then(|k| self.trace.steps.get(k));
+            let record = record.filter(|record| record.step == step).ok_or(Reached::MissingRecord)?;
+            let report = self.advance(record).ok_or(Reached::MissingRecord)?;
+            // Text of the changes that is missing, or that cannot be read, shows at the first that was taken.
+            if report.change.phase != record.phase {
+                return Err(Reached::MissingChange { step });
+            }
             comparison.step(&report);
         }
-        true
+        Ok(())
     }
 
-    /// The next step.
-    fn advance(&mut self) -> Option<StepReport> {
+    /// The next step, from its record.
+    fn advance(&mut self, record: &StepRecord) -> Option<StepReport> {
         let number = self.state.step;
-        let record = self.trace.steps.get(usize::try_from(number).ok()?).filter(|record| record.step == number)?;
         let in_use = self.factors.iter().position(|factor| factor.epoch == record.factor_epoch)?;
         self.factors.drain(..in_use);
         let time = seconds(record.time_ns);
@@ -97,6 +129,7 @@ impl<'a> Steps<'a> {
         pass_events(self.world, time, factor, &mut self.state, &mut self.ws);
         let input = StepInput { time, tool, factor };
         let report = step(self.world, &input, &mut self.state, &mut self.ws, self.snapshots.value_mut());
+        self.valid = self.snapshots.value_mut().valid;
         self.snapshots.publish();
         let made = |factor: &&palpate_trace::FactorRecord| {
             factor.taken_step == number && factor.status == FactorStatus::Ready && report.status == StepStatus::Advanced
@@ -118,10 +151,12 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// A device that measures what another one measured.
+/// A device that measures what another one measured, and fails where that one failed.
 struct RecordedDevice {
     spec: DeviceSpec,
     ticks: Vec<TickRecord>,
+    /// Whether the device took the force of the tick at hand.
+    takes_force: bool,
 }
 
 impl HapticDevice for RecordedDevice {
@@ -131,7 +166,8 @@ impl HapticDevice for RecordedDevice {
 
     fn read(&mut self, tick: TickTime) -> Result<DeviceSample, DeviceError> {
         let record = usize::try_from(tick.index).ok().and_then(|k| self.ticks.get(k)).ok_or(DeviceError::Closed)?;
-        if record.flags.contains(TickFlags::DEVICE_MISSING) {
+        self.takes_force = !record.flags.contains(TickFlags::WRITE_FAILED);
+        if record.flags.contains(TickFlags::DEVICE_MISSING) && self.takes_force {
             return Err(DeviceError::Timeout);
         }
         let mut pose = pose(record.device_position, record.device_orientation);
@@ -144,7 +180,7 @@ impl HapticDevice for RecordedDevice {
     }
 
     fn write(&mut self, _wrench: Wrench) -> Result<(), DeviceError> {
-        Ok(())
+        if self.takes_force { Ok(()) } else { Err(DeviceError::Timeout) }
     }
 
     fn close(&mut self) {}
@@ -157,7 +193,7 @@ fn pose(position: [f64; 3], orientation: [f64; 4]) -> Isometry3<f64> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::sync::atomic::AtomicBool;
 
     use crate::replay::{ReplayError, replay};
@@ -190,7 +226,8 @@ mod tests {
         assert!(matches!(replay(&copy), Err(ReplayError::RealTime { .. })), "a factor is missing");
     }
 
-    fn rewrite(trace: &Trace, path: &std::path::Path) {
+    /// Without how the run ended, as a trace of a run that was killed.
+    pub(in crate::replay) fn rewrite(trace: &Trace, path: &std::path::Path) {
         let mut engine = trace.metadata["engine"].clone();
         engine.remove("start_unix_ns");
         let config = TraceConfig { engine, attachments: trace.attachments.clone(), ..TraceConfig::default() };

@@ -171,7 +171,9 @@ impl Port {
             buttons: sample.buttons,
             gripper: sample.gripper,
         });
-        let begun = self.shared.start.get().map(|start| nanoseconds(begin.saturating_duration_since(*start)));
+        // The start is known before the phase says so: a tick counts from it exactly where it is traced.
+        let start = self.shared.start.get().filter(|_| phase != Phase::Ready);
+        let begun = start.map(|start| nanoseconds(begin.saturating_duration_since(*start)));
         if begun.is_some() && !self.started {
             (self.started, self.time_ns) = (true, None);
             self.stage.restart();
@@ -218,7 +220,43 @@ fn nanoseconds(duration: std::time::Duration) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::missed;
+    use std::path::Path;
+    use std::sync::Arc;
+    use std::time::Instant;
+
+    use super::{Phase, PortSample, missed};
+    use crate::run::RunOptions;
+    use crate::session::Session;
+    use crate::slide::slide;
+
+    /// As a thread may see it that ticks while another one starts the session.
+    #[test]
+    fn a_tick_between_start_and_phase_is_neither_counted_nor_traced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("start.mcap");
+        let options = RunOptions { trace: Some(path.clone()), threads: Some(1), ..RunOptions::default() };
+        let (mut session, mut port) = Session::open(Arc::new(slide(0.8)), &options).unwrap();
+        let sample = PortSample {
+            time_ns: None,
+            position: [0.015, 0.02, 0.06],
+            orientation: [1.0, 0.0, 0.0, 0.0],
+            velocity: None,
+            buttons: 0,
+            gripper: 1.0,
+        };
+        session.shared.start.set(Instant::now()).unwrap();
+        let ready = port.tick(&sample);
+        assert_eq!(ready.phase, Phase::Ready);
+        assert!(session.start());
+        let live: Vec<_> = (0..5).map(|_| port.tick(&sample)).collect();
+        assert!(live.iter().all(|report| report.phase == Phase::Running));
+        assert_eq!(live[0].record.index, 0, "the first of the trace");
+        session.stop().unwrap().unwrap();
+        let numbers = |path: &Path| -> Vec<u64> {
+            palpate_trace::Trace::load(path).unwrap().ticks.iter().map(|tick| tick.tick).collect()
+        };
+        assert_eq!(numbers(&path), [0, 1, 2, 3, 4]);
+    }
 
     #[test]
     fn a_late_tick_counts_the_periods_it_missed() {

@@ -43,6 +43,8 @@ flags! {
         17 => JUMPED;
         /// The magnitude of the torque was cut to the limit of device or scene.
         18 => TORQUE_LIMITED;
+        /// The device told its pose and did not take the force; set beside `DEVICE_MISSING`.
+        19 => WRITE_FAILED;
     }
 }
 
