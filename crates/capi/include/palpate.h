@@ -639,7 +639,8 @@ typedef struct palpate_surface {
      */
     uint32_t struct_size;
     /*
-     Events that had happened: with each of them the triangles change, and nothing else changes them.
+     Events and changes by palpate_change that had happened: with each of them the triangles change, and nothing else changes
+     them.
      */
     uint32_t events;
     /*
@@ -840,8 +841,8 @@ palpate_status palpate_surface_positions(const struct palpate_simulation *simula
                                          struct palpate_surface *out);
 
 /*
- Copies the triangles of the soft body's surface after this number of events: three nodes each, counted from 0,
- counter-clockwise from outside. `room` is the number of triangles that `triangles` has room for, at least
+ Copies the triangles of the soft body's surface after this number of events, changes by palpate_change among them: three nodes
+ each, counted from 0, counter-clockwise from outside. Of a simulation that has a port. `room` is the number of triangles that `triangles` has room for, at least
  palpate_surface.triangles.
 
  The caller answers for this:

@@ -24,11 +24,6 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// What it simulates.
-    pub(crate) fn world(&self) -> &World {
-        &self.world
-    }
-
     fn session(&self) -> MutexGuard<'_, Option<Session>> {
         // A panic in here has left a session that can still be stopped.
         self.session.lock().unwrap_or_else(PoisonError::into_inner)

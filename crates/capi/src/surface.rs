@@ -2,7 +2,7 @@
 
 use std::mem::{offset_of, size_of};
 
-use palpate::session::{Session, Shape};
+use palpate::session::{Session, Shape, Skins};
 
 use crate::layout::{self, Layout};
 use crate::simulation::{Simulation, with_session};
@@ -14,7 +14,8 @@ use crate::status::{Status, fail, fail_plainly, guarded};
 pub struct Surface {
     /// sizeof(palpate_surface).
     pub struct_size: u32,
-    /// Events that had happened: with each of them the triangles change, and nothing else changes them.
+    /// Events and changes by palpate_change that had happened: with each of them the triangles change, and nothing else changes
+    /// them.
     pub events: u32,
     /// Steps so far.
     pub steps: u64,
@@ -38,15 +39,14 @@ unsafe impl Layout for Surface {
 }
 
 impl Surface {
-    fn new(simulation: &Simulation, shape: &Shape) -> Self {
-        let world = simulation.world().phase(shape.phase);
+    fn new(skins: &Skins, shape: &Shape) -> Self {
         Self {
             struct_size: size_of::<Self>() as u32,
             events: shape.phase as u32,
             steps: shape.steps,
             time: shape.time,
             nodes: shape.positions.len() as u64,
-            triangles: world.surface().triangles.len() as u64,
+            triangles: skins.of(shape.phase).map_or(0, |skin| skin.len() as u64),
             rigid_bodies: shape.rigid.len() as u64,
         }
     }
@@ -75,15 +75,14 @@ unsafe fn copy_out<T: Copy>(numbers: impl ExactSizeIterator<Item = T>, to: *mut 
 /// `simulation` is NULL or was created and not destroyed; `out` NULL or a struct whose struct_size is right.
 unsafe fn with_shape(simulation: *const Simulation, out: *mut Surface, copy: impl FnOnce(&Shape) -> Status) -> Status {
     let answer = |session: &mut Session| {
-        // SAFETY: as the caller promises; `with_session` has looked for NULL.
-        let Some(simulation) = (unsafe { simulation.as_ref() }) else { return fail_plainly(Status::ErrorNull) };
+        let skins = session.skins();
         let shape = session.shape();
         let status = copy(shape);
         if status != Status::Ok || out.is_null() {
             return status;
         }
         // SAFETY: as the caller promises.
-        unsafe { layout::write(out, &Surface::new(simulation, shape)) }.map_or_else(fail_plainly, |()| status)
+        unsafe { layout::write(out, &Surface::new(&skins, shape)) }.map_or_else(fail_plainly, |()| status)
     };
     // SAFETY: as the caller promises.
     unsafe { with_session(simulation, answer) }
@@ -126,8 +125,8 @@ pub unsafe extern "C" fn palpate_surface_positions(
     unsafe { with_shape(simulation, out, copy) }
 }
 
-/// Copies the triangles of the soft body's surface after this number of events: three nodes each, counted from 0,
-/// counter-clockwise from outside. `room` is the number of triangles that `triangles` has room for, at least
+/// Copies the triangles of the soft body's surface after this number of events, changes by palpate_change among them: three nodes
+/// each, counted from 0, counter-clockwise from outside. Of a simulation that has a port. `room` is the number of triangles that `triangles` has room for, at least
 /// palpate_surface.triangles.
 ///
 /// # Safety
@@ -139,18 +138,17 @@ pub unsafe extern "C" fn palpate_surface_triangles(
     triangles: *mut u32,
     room: u64,
 ) -> Status {
-    guarded(|| {
-        // SAFETY: as the caller promises.
-        let Some(simulation) = (unsafe { simulation.as_ref() }) else { return fail_plainly(Status::ErrorNull) };
-        let world = simulation.world();
-        if events as usize > world.changes().len() {
-            let most = world.changes().len();
-            return fail(Status::ErrorArgument, &format!("{events} events, but the scene has {most}"));
-        }
-        let all = world.phase(events as usize).surface().triangles.iter().copied();
+    let copy = |session: &mut Session| {
+        let skins = session.skins();
+        let Some(skin) = skins.of(events as usize) else {
+            let most = skins.phases() - 1;
+            return fail(Status::ErrorArgument, &format!("{events} events, but there are {most}"));
+        };
         // SAFETY: three numbers lie as an array of three; the rest as the caller promises.
-        unsafe { copy_out(all, triangles.cast::<[u32; 3]>(), room, "triangles") }
-    })
+        unsafe { copy_out(skin.iter().copied(), triangles.cast::<[u32; 3]>(), room, "triangles") }
+    };
+    // SAFETY: as the caller promises.
+    unsafe { with_session(simulation, copy) }
 }
 
 /// Copies where the rigid bodies are after the latest step, in the world: seven numbers each, the origin x, y, z of its

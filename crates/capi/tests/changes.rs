@@ -50,6 +50,28 @@ fn a_body_is_changed_while_it_runs_and_refuses_what_cannot_be() {
     assert!(last_error().contains("room for"), "{}", last_error());
     let steps = rig.statistics().steps;
     rig.tick_until(0.002, "steps with the changed body", |_| rig.statistics().steps > steps + 5);
+    // The cut skin can be drawn, and the whole one still.
+    // SAFETY: plain numbers.
+    let mut surface: Surface = unsafe { std::mem::zeroed() };
+    surface.struct_size = size_of::<Surface>() as u32;
+    // SAFETY: a simulation that lives, a struct whose size is set.
+    assert_eq!(unsafe { palpate_surface_counts(rig.simulation, &raw mut surface) }, Status::Ok);
+    assert_eq!(surface.events, 2, "the cut and the clamp");
+    let skin = |events: u32| {
+        let mut triangles = vec![[u32::MAX; 3]; 1000];
+        // SAFETY: a simulation that lives, room for as many triangles as is said.
+        let status = unsafe { palpate_surface_triangles(rig.simulation, events, triangles.as_mut_ptr().cast(), 1000) };
+        assert_eq!(status, Status::Ok, "{}", last_error());
+        triangles.retain(|triangle| *triangle != [u32::MAX; 3]);
+        triangles
+    };
+    assert_eq!(skin(0).len(), 108);
+    assert!(skin(1) != skin(0) && skin(1) == skin(2), "a cut changes the skin, a clamp does not");
+    assert_eq!(surface.triangles, skin(2).len() as u64);
+    let mut none = [0; 3];
+    // SAFETY: a simulation that lives, room for one triangle.
+    let beyond = unsafe { palpate_surface_triangles(rig.simulation, 3, none.as_mut_ptr(), 1) };
+    assert!(beyond == Status::ErrorArgument && last_error().contains("3 events, but there are 2"), "{}", last_error());
     assert_eq!(rig.stop(), Status::Ok, "{}", last_error());
     // SAFETY: NULL is allowed.
     assert_eq!(unsafe { palpate_change(std::ptr::null(), std::ptr::null()) }, Status::ErrorNull);

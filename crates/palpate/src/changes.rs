@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::counted::counted;
 use crate::step::{FactorFit, Prepared, StepState, StepWorkspace};
-use crate::world::{ChangeError, ChangeMaker, ChangeRequest, World};
+use crate::world::{Change, ChangeError, ChangeMaker, ChangeRequest, World};
 
 /// An event as it happened.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -54,10 +54,16 @@ impl ChangeQueue {
         Self { maker: ChangeMaker::new(world), sender }
     }
 
-    /// Makes the changed body on this thread and sends it; what happens, in words. Takes the time of building a body: some
+    /// Makes the changed body on this thread, shows it to `made` and sends it; what happens, in words. Takes the time of building a body: some
     /// ten milliseconds per thousand nodes.
-    pub(crate) fn change(&mut self, world: &World, request: &ChangeRequest) -> Result<String, ChangeError> {
+    pub(crate) fn change(
+        &mut self,
+        world: &World,
+        request: &ChangeRequest,
+        made: impl FnOnce(&Change),
+    ) -> Result<String, ChangeError> {
         let change = self.maker.make(world, request)?;
+        made(&change);
         let text = change.text().to_string();
         // There is room for as many as the maker makes; only a step that is gone takes none.
         self.sender.try_send(Prepared::new(change)).map_err(|_| ChangeError::NotRunning)?;

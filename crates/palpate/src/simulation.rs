@@ -127,7 +127,7 @@ impl<'w> Simulation<'w> {
     /// # Errors
     /// A scene without room for changes, or for no more; selections that do not fit the body.
     pub fn change(&mut self, request: &ChangeRequest) -> Result<String, ChangeError> {
-        self.changes.change(self.world, request)
+        self.changes.change(self.world, request, |_| ())
     }
 
     /// Factors the matrix of the step that was just done; the old factor stays where that fails.

@@ -123,7 +123,7 @@ impl<'a> Steps<'a> {
         let frame = pose(record.tool_position, record.tool_orientation);
         let tool = ToolPose { frame, opening: record.tool_opening };
         while let Some(change) = self.changes.pop_front_if(|change| change.step == number) {
-            self.queue.change(self.world, &change.request).ok()?;
+            self.queue.change(self.world, &change.request, |_| ()).ok()?;
         }
         let factor = self.factors.first_mut()?;
         pass_events(self.world, time, factor, &mut self.state, &mut self.ws);

@@ -13,6 +13,7 @@ mod ledger;
 mod motion;
 mod port;
 mod shape;
+mod skins;
 
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -31,7 +32,7 @@ use crate::record::NoTrace;
 use crate::run::{Length, RunError, RunOptions, RunOutcome};
 use crate::summary::RunEnd;
 use crate::tick::{TickReport, TickStage};
-use crate::world::{ChangeError, ChangeRequest, World};
+use crate::world::{Change, ChangeError, ChangeRequest, World};
 use ledger::Ledger;
 
 pub use crate::realtime::raise_priority;
@@ -40,6 +41,7 @@ pub use ledger::Statistics;
 pub use port::{PhaseReader, Port, PortReport, PortSample};
 pub use shape::Shape;
 pub(crate) use shape::ShapeWriter;
+pub use skins::Skins;
 
 /// What a session is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,6 +113,7 @@ pub struct Session {
     starter: Option<SyncSender<()>>,
     runner: Option<JoinHandle<Result<RunOutcome, RunError>>>,
     changes: Mutex<Option<ChangeQueue>>,
+    skins: Arc<Skins>,
 }
 
 /// What a set-up thread answers.
@@ -149,7 +152,8 @@ impl Session {
             Ok(Ok((stage, reports, changes, shapes))) => {
                 let port = Port::new(stage, spec, place, reports, Arc::clone(&shared));
                 let (starter, runner, changes) = (Some(starter), Some(runner), Mutex::new(changes));
-                Ok((Self { world, shared, ledger, shapes, starter, runner, changes }, port))
+                let skins = Skins::new(&world);
+                Ok((Self { world, shared, ledger, shapes, starter, runner, changes, skins }, port))
             }
             Ok(Err(error)) => Err(error),
             Err(_) => Err(RunError::Threads("the thread that sets the session up has failed".into())),
@@ -190,7 +194,8 @@ impl Session {
             return Err(ChangeError::NotRunning);
         }
         let mut changes = self.changes.lock().unwrap_or_else(PoisonError::into_inner);
-        changes.as_mut().ok_or(ChangeError::NoRoom)?.change(&self.world, request)
+        let made = |change: &Change| self.skins.push(change);
+        changes.as_mut().ok_or(ChangeError::NoRoom)?.change(&self.world, request, made)
     }
 
     /// What it is doing.
@@ -211,6 +216,11 @@ impl Session {
     /// Where the bodies are after the latest step. No thread waits for it.
     pub fn shape(&mut self) -> &Shape {
         self.shapes.latest()
+    }
+
+    /// Triangles of the soft body's surface, by the phase of a shape.
+    pub fn skins(&self) -> Arc<Skins> {
+        Arc::clone(&self.skins)
     }
 
     /// Ends the threads and the trace; the answer is `None` the second time.

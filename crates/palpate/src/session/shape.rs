@@ -13,7 +13,8 @@ pub struct Shape {
     pub steps: u64,
     /// Time (s).
     pub time: f64,
-    /// Events that had happened by then: the body's triangles are those of [`World::phase`] of this number.
+    /// Events and changes from outside that had happened by then: the body's triangles are [`Skins::of`](super::Skins::of)
+    /// this number.
     pub phase: usize,
     /// Nodes of the soft body (m), inner ones too: triangles name them.
     pub positions: Vec<Vector3<f64>>,
