@@ -7,13 +7,13 @@
 //! ```text
 //! (dF/dlambda + dF/ddelta W + shift) d = -F ,   lambda' = P(lambda + t d) ,   t = 1, 1/2 or 0
 //! ```
-//! in the symbols of [`crate::active_system`]. The shift, a part of the mean diagonal of `W_aa`, makes it a step of Levenberg
-//! [1944] and Marquardt [1963]: contacts that lie beside one another on the same nodes share their force in many ways, and an
+//! in the symbols of the active system of Newton. The shift, a part of the mean diagonal of `W_aa`, makes it a step of Levenberg
+//! (1944) and Marquardt (1963): contacts that lie beside one another on the same nodes share their force in many ways, and an
 //! undamped step throws it to and fro. Between two steps a sweep or more finds anew which contacts carry force.
 //!
 //! Where a contact is another than before, forces by the names of contacts do not balance, and such a body is moved by
 //! millimetres for a few millinewtons: gaps then say nothing of what touches. So a run begins with a second gap, that at forces which
-//! do balance, as they are known at the nodes; where the first residual is beyond [`LOST`] the first thing is a step that opens and
+//! do balance, as they are known at the nodes; where the first residual is beyond a tenth the first thing is a step that opens and
 //! closes contacts by that gap, and closes them by the true one.
 //!
 //! A step costs as much as so many sweeps ([`cost`]), and is taken where that is left of them: work is bounded by that of
