@@ -196,3 +196,16 @@ fn a_session_is_cut_while_its_threads_run_and_the_trace_replays_to_the_bit() {
     let report = replay(&path).unwrap();
     assert!(report.is_identical() && report.ticks > 100, "{report:?}");
 }
+
+/// Bodies after events are made from the last one on: whoever allows both is told what waits for what.
+#[test]
+fn a_scene_with_events_says_that_changes_from_outside_wait_for_the_last() {
+    let with = |changes: u32| {
+        let world = world(|scene| {
+            scene.bodies[0].changes = changes;
+            scene.events = vec![EventDescription { time: 0.5, release: Some(corner()), hold: None, remove: None }];
+        });
+        world.warnings().iter().filter(|w| w.contains("wait for the last event of the scene, at 0.5 s")).count()
+    };
+    assert_eq!((with(0), with(1)), (0, 1));
+}

@@ -750,7 +750,8 @@ palpate_status palpate_resume(const struct palpate_simulation *simulation);
  "hold = { node_set = \"x_min\" }". The scene's body must have room: `changes = 8` for eight changes in one run.
 
  The changed body is made on the calling thread, in some ten milliseconds per thousand nodes, so do not call it from the
- thread that ticks; the tissue goes on meanwhile, and its next step takes the change. Other calls with the same simulation
+ thread that ticks; the tissue goes on meanwhile, and its next step takes the change, or where the scene has events the
+ first step after the last of them. Other calls with the same simulation
  wait until it is made, ticks do not. PALPATE_STATUS_ERROR_PHASE where nothing runs, PALPATE_STATUS_ERROR_ARGUMENT where
  the change cannot be done; palpate_last_error says why.
 

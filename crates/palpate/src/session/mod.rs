@@ -182,7 +182,7 @@ impl Session {
 
     /// Changes the body while it runs: nodes released or held, elements removed. The changed body is made on the calling
     /// thread, in some ten milliseconds per thousand nodes, while steps and ticks go on; the first step that begins
-    /// afterwards takes it. Calls from several threads are done one after another. What happens, in words.
+    /// afterwards takes it, or where the scene has events the first after the last of them. Calls from several threads are done one after another. What happens, in words.
     ///
     /// The trace keeps what was asked for and the step that took it, and a replay does it again.
     ///

@@ -182,6 +182,10 @@ fn with_changes(
         })
         .collect();
     world.warnings.extend(late);
+    if let Some(event) = course.last().filter(|_| outside) {
+        let time = Readable(event.time);
+        world.warnings.push(format!("changes from outside wait for the last event of the scene, at {time} s"));
+    }
     let later = change::bodies(&world, &config, course)?;
     let unknown = if outside { MOST_TOUCHED } else { 0 };
     let most = change::most_touched(&world.model, &later).max(unknown);
