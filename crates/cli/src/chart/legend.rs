@@ -48,13 +48,15 @@ pub(super) struct Legend<'a> {
 
 impl<'a> Legend<'a> {
     pub(super) fn of(panels: &'a [Panel]) -> Self {
+        // What has no title cannot be told apart by it.
+        let titled = panels.iter().all(|panel| !panel.title.is_empty());
         let mut groups: Vec<Group<'a>> = Vec::new();
         for series in panels.iter().flat_map(|panel| &panel.series) {
             if groups.iter().flat_map(|group| &group.entries).any(|entry| entry.name == series.name) {
                 continue;
             }
             let shows = |panel: &Panel| panel.series.iter().any(|other| other.name == series.name);
-            let those: Vec<usize> = (0..panels.len()).filter(|&k| shows(&panels[k])).collect();
+            let those: Vec<usize> = (0..panels.len()).filter(|&k| !titled || shows(&panels[k])).collect();
             let at = groups.iter().position(|group| group.panels == those).unwrap_or_else(|| {
                 let heading = heading(&those, panels);
                 groups.push(Group { panels: those.clone(), heading, entries: Vec::new() });
@@ -198,5 +200,8 @@ mod tests {
         assert_eq!(look("d"), look("a"), "no panel shows both");
         assert!(legend.style("e").is_none());
         assert!(!Legend::of(&panels[..1]).has_headings());
+        let untitled = [panel("", &["a"]), panel("", &["b"])];
+        let legend = Legend::of(&untitled);
+        assert!(!legend.has_headings() && legend.style("a") != legend.style("b"));
     }
 }
