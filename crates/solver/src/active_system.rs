@@ -1,6 +1,7 @@
 //! The linear system of one Newton step, in the unknowns that are left once the given forces are taken out.
 //!
-//! With the laws' equations in their own frames (see [`Linearization`](palpate_constraints::law::Linearization)) the change of the forces is
+//! With the laws' equations in their own frames (see [`Linearization`](palpate_constraints::law::Linearization)) the
+//! change of the forces is
 //!
 //! ```text
 //! d = d_given + sum_l c_l sqrt(rho_l) z_l
@@ -18,10 +19,11 @@
 //! ([`KrylovSpace`]), where the matrix is not formed, or by a factorisation in double precision.
 
 use crate::active_block::ActiveBlock;
+use crate::active_rows::ActiveRows;
 use crate::coupled_block::CoupledBlock;
 use crate::dense::LinearSystem;
 use crate::krylov::KrylovSpace;
-use crate::problem::{Block, ProblemView, gather, scatter};
+use crate::problem::{ProblemView, gather};
 use crate::single::SingleCompliance;
 use crate::vectors::add_columns;
 use nalgebra::Vector3;
@@ -48,9 +50,7 @@ pub(crate) struct Way {
 /// Memory of the systems of a run.
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveSystem {
-    blocks: Vec<ActiveBlock>,
-    /// Changes of the forces that the laws give: block, and N.
-    given: Vec<(Block, Vector3<f64>)>,
+    pub(crate) rows: ActiveRows,
     /// `sqrt(rho)` of every block of the problem.
     scales: Vec<f64>,
     /// `W d_given`, m.
@@ -67,15 +67,12 @@ pub(crate) struct ActiveSystem {
     single_gap: Vec<f32>,
     /// Right side, a quad for each block.
     right: Vec<[f64; 4]>,
-    /// The change of the forces, N.
-    pub(crate) direction: Vec<f64>,
 }
 
 impl ActiveSystem {
     pub(crate) fn with_capacity(rows: usize) -> Self {
         Self {
-            blocks: Vec::with_capacity(rows),
-            given: Vec::with_capacity(rows),
+            rows: ActiveRows::with_capacity(rows),
             scales: Vec::with_capacity(rows),
             gap: Vec::with_capacity(rows),
             image: Vec::with_capacity(rows),
@@ -86,7 +83,6 @@ impl ActiveSystem {
             single: SingleCompliance::with_capacity(rows),
             single_gap: Vec::with_capacity(SingleCompliance::longest(rows)),
             right: Vec::with_capacity(rows),
-            direction: Vec::with_capacity(rows),
         }
     }
 
@@ -107,7 +103,10 @@ impl ActiveSystem {
         lambda: &[f64],
         way: &Way,
     ) -> bool {
-        let size = self.linearize(view, local, delta, lambda);
+        if self.scales.is_empty() {
+            self.scales.extend(local.iter().map(|local| local.rho().sqrt()));
+        }
+        let size = self.rows.sort(view, local, self.scales.iter().copied(), lambda, delta);
         if size == 0 {
             return true;
         }
@@ -118,39 +117,10 @@ impl ActiveSystem {
             || fits && !dear && self.factor(view, size, way.shift)
     }
 
-    /// Sorts the rows into given and unknown forces; returns the number of unknowns.
-    fn linearize(&mut self, view: &ProblemView<'_>, local: &[LocalCompliance], delta: &[f64], lambda: &[f64]) -> usize {
-        if self.scales.is_empty() {
-            self.scales.extend(local.iter().map(|local| local.rho().sqrt()));
-        }
-        self.blocks.clear();
-        self.given.clear();
-        self.direction.clear();
-        self.direction.resize(view.rows(), 0.0);
-        let mut size = 0;
-        for ((block, local), scale) in view.blocks.iter().zip(local).zip(&self.scales) {
-            let force = gather(lambda, block);
-            let mut given = -force;
-            if !local.is_rigid() {
-                let equation = block.law.linearize(local.rho(), &gather(delta, block), &force);
-                let mut active = ActiveBlock::new(block, size, *scale);
-                given = active.read(&equation);
-                if active.count > 0 {
-                    size += active.count;
-                    self.blocks.push(active);
-                }
-            }
-            if given != Vector3::zeros() {
-                scatter(&given, block, &mut self.direction);
-                self.given.push((*block, given));
-            }
-        }
-        size
-    }
-
     /// Solves by iteration to a relative error; `false` where that is not reached.
     fn iterate(&mut self, view: &ProblemView<'_>, tolerance: f64, shift: f64) -> bool {
-        let Self { blocks, given, krylov, coupled, single, single_gap, right, direction, last_iterations, .. } = self;
+        let Self { rows, krylov, coupled, single, single_gap, right, last_iterations, .. } = self;
+        let ActiveRows { blocks, given, direction } = rows;
         let with_unknowns = blocks.iter().map(|active| &active.block);
         single.admit(view, with_unknowns.chain(given.iter().map(|(block, _)| block)));
         // Relative to their largest, so that they stay in the range of single precision.
@@ -177,20 +147,19 @@ impl ActiveSystem {
 
     /// Solves by a factorisation; `false` where the matrix is singular.
     fn factor(&mut self, view: &ProblemView<'_>, size: usize, shift: f64) -> bool {
-        let Self { blocks, given, gap, image, system, direction, .. } = self;
+        let Self { rows, gap, image, system, .. } = self;
         gap.clear();
         gap.resize(view.rows(), 0.0);
-        for (block, force) in given.iter() {
-            add_columns(view, block, force, gap);
-        }
-        system.reset(size);
-        for from in blocks.iter() {
+        rows.add_given(view, gap);
+        let matrix = &mut system.augmented;
+        matrix.reset(size);
+        for from in &rows.blocks {
             for (j, unknown) in from.unknowns().iter().enumerate() {
                 image.clear();
                 image.resize(view.rows(), 0.0);
                 add_columns(view, &from.block, &(unknown.direction * from.scale), image);
-                let column = system.column_mut(from.first + j);
-                for to in blocks.iter() {
+                let column = matrix.column_mut(from.first + j);
+                for to in &rows.blocks {
                     let gap = gather(image, &to.block) * to.scale;
                     for (entry, unknown) in column.iter_mut().skip(to.first).zip(to.unknowns()) {
                         *entry = unknown.weight * unknown.test.dot(&gap);
@@ -201,17 +170,9 @@ impl ActiveSystem {
                 }
             }
         }
-        let column = system.column_mut(size);
-        for active in blocks.iter() {
-            let right = active.right(&gather(gap, &active.block));
-            for (entry, right) in column.iter_mut().skip(active.first).zip(&right[..active.count]) {
-                *entry = *right;
-            }
-        }
+        rows.fill_right(gap, matrix.column_mut(size));
         let Some(solution) = system.solve() else { return false };
-        for active in blocks.iter() {
-            active.add(solution.get(active.first..active.first + active.count).unwrap_or(&[]), direction);
-        }
+        rows.add_solution(solution);
         true
     }
 }

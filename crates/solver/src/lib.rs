@@ -7,8 +7,10 @@
 
 pub mod accelerated_gradient;
 mod active_block;
+mod active_rows;
 mod active_system;
 mod anderson;
+mod augmented;
 pub mod automatic;
 pub mod comparison;
 mod complementarity;

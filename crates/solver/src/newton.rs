@@ -14,14 +14,14 @@
 //! as the step can use. Where GMRES does not converge, and where it is dearer than that, the system is factored in double
 //! precision, if the time that is left allows for it.
 //!
-//! Rank-deficient and nearly singular `W` (more rows than the nodes beneath have degrees of freedom) are met by proximal points
-//! (see `proximal`): the steps solve regularised problems whose shift goes to zero with the residual. On well-conditioned
-//! `W` every step has its own centre, and nothing is lost.
+//! Rank-deficient and nearly singular `W` (more rows than the nodes beneath have degrees of freedom) are met by
+//! proximal points (see `proximal`): the steps solve regularised problems whose shift goes to zero with the residual.
+//! On well-conditioned `W` every step has its own centre, and nothing is lost.
 //!
-//! Safeguards: of the steps `t` = 1, 1/2, 1/4, the first that lowers the residual of the regularised problem is taken, else the
-//! one with the least; a regularised problem that is not solved in some steps begins again with a larger shift; where that
-//! does not help, or the system is singular, the run goes back to the best forces and does twice as many sweeps as the
-//! time before. Forces are projected, so that every iterate is admissible.
+//! Safeguards: of the steps `t` = 1, 1/2, 1/4, the first that lowers the residual of the regularised problem is taken,
+//! else the one with the least; a regularised problem that is not solved in some steps begins again with a larger
+//! shift; where that does not help, or the system is singular, the run goes back to the best forces and does twice as
+//! many sweeps as the time before. Forces are projected, so that every iterate is admissible.
 //!
 //! Nothing is allocated; for what a thread needs before its first factorisation see [`crate::solver::warm_thread`].
 
@@ -40,8 +40,8 @@ use crate::watch::Watch;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// Error of a step's linear system relative to the residual that is asked for after it: near the solution the residual becomes
-/// that error to a few per cent.
+/// Error of a step's linear system relative to the residual that is asked for after it: near the solution the residual
+/// becomes that error to a few per cent.
 const FORCING: f64 = 0.7;
 
 /// Bounds of the error of a step's linear system, relative to the residual, while the active contacts are sought: such a step
@@ -49,9 +49,9 @@ const FORCING: f64 = 0.7;
 const LEAST_FORCING: f64 = 0.03;
 const MOST_FORCING: f64 = 0.1;
 
-/// Error of a step's linear system relative to the square of the residual, below the bound above: where the active contacts are
-/// found a step squares the residual, and one with all digits that it can use costs less than two. Single precision
-/// ends at [`EXACT`].
+/// Error of a step's linear system relative to the square of the residual, below the bound above: where the active
+/// contacts are found a step squares the residual, and one with all digits that it can use costs less than two. Single
+/// precision ends at [`EXACT`].
 const SQUARED: f64 = 10.0;
 const EXACT: f64 = 1e-4;
 
@@ -250,7 +250,7 @@ fn step(
     let now = proximal.residual;
     let mut take = |t: f64, lambda: &mut [f64]| {
         for block in view.blocks {
-            let force = gather(before, block) + gather(&system.direction, block) * t;
+            let force = gather(before, block) + gather(&system.rows.direction, block) * t;
             scatter(&block.law.project(&force), block, lambda);
         }
         form_gap(view, lambda, &mut sweeps.delta);

@@ -3,59 +3,31 @@
 //! Up to some dozens of unknowns this is as fast as a blocked factorisation, and it asks for nothing but its own memory: no
 //! packing buffers of the thread, which [`crate::dense`] needs.
 
+use crate::augmented::Augmented;
 use pulp::{Arch, WithSimd};
 
-/// Memory of systems of up to a number of unknowns: the matrix by columns, with the right side behind it.
+/// Memory of systems of up to a number of unknowns.
 #[derive(Clone, Debug)]
 pub(crate) struct SmallSystem {
-    numbers: Vec<f64>,
-    rows: usize,
-    capacity: usize,
+    pub(crate) augmented: Augmented,
 }
 
 impl SmallSystem {
     /// Memory for systems of up to `capacity` unknowns.
     pub(crate) fn with_capacity(capacity: usize) -> Self {
-        Self { numbers: Vec::with_capacity(capacity * (capacity + 1)), rows: 0, capacity }
-    }
-
-    /// Unknowns there is room for.
-    pub(crate) fn capacity(&self) -> usize {
-        self.capacity
-    }
-
-    /// Sizes the system to `rows` unknowns, all numbers zero. Past the capacity it becomes empty.
-    pub(crate) fn reset(&mut self, rows: usize) {
-        self.rows = if rows <= self.capacity { rows } else { 0 };
-        self.numbers.clear();
-        self.numbers.resize(self.rows * (self.rows + 1), 0.0);
-    }
-
-    /// Column `j` of the matrix; the right side for `j` the number of unknowns.
-    pub(crate) fn column_mut(&mut self, j: usize) -> &mut [f64] {
-        let rows = self.rows;
-        self.numbers.get_mut(j * rows..(j + 1) * rows).unwrap_or(&mut [])
+        Self { augmented: Augmented::with_capacity(capacity) }
     }
 
     /// Solves, destroying the system; `None` where a number is not finite or a pivot is zero.
     pub(crate) fn solve(&mut self) -> Option<&[f64]> {
-        let n = self.rows;
-        if !Arch::new().dispatch(Eliminate { numbers: &mut self.numbers, n }) {
-            return None;
-        }
-        let (factor, x) = self.numbers.split_at_mut(n * n);
-        for j in (0..n).rev() {
-            let column = &factor[j * n..(j + 1) * n];
-            x[j] /= column[j];
-            let value = x[j];
-            x[..j].iter_mut().zip(column).for_each(|(entry, u)| *entry -= u * value);
-        }
-        x.iter().all(|x| x.is_finite()).then_some(x)
+        let n = self.augmented.rows();
+        let regular = Arch::new().dispatch(Eliminate { numbers: self.augmented.numbers_mut(), n });
+        if regular { self.augmented.substitute() } else { None }
     }
 }
 
-/// Makes the first `n` columns of `n` rows triangular, and the one behind them the right side of that; `false` for a pivot that is
-/// zero or not finite.
+/// Makes the first `n` columns of `n` rows triangular, and the one behind them the right side of that; `false` for a
+/// pivot that is zero or not finite.
 struct Eliminate<'a> {
     numbers: &'a mut [f64],
     n: usize,
@@ -100,9 +72,9 @@ mod tests {
 
     fn fill(system: &mut SmallSystem, matrix: &DMatrix<f64>, right: &DVector<f64>) {
         let n = right.len();
-        system.reset(n);
-        (0..n).for_each(|j| system.column_mut(j).copy_from_slice(matrix.column(j).as_slice()));
-        system.column_mut(n).copy_from_slice(right.as_slice());
+        system.augmented.reset(n);
+        (0..n).for_each(|j| system.augmented.column_mut(j).copy_from_slice(matrix.column(j).as_slice()));
+        system.augmented.column_mut(n).copy_from_slice(right.as_slice());
     }
 
     #[test]
@@ -132,8 +104,8 @@ mod tests {
             assert!(system.solve().is_none(), "{bad}");
         }
         // Past the capacity it is empty, and so is its solution.
-        system.reset(3);
-        assert!(system.column_mut(0).is_empty());
+        system.augmented.reset(3);
+        assert!(system.augmented.column_mut(0).is_empty());
         assert_eq!(system.solve(), Some(&[][..]));
     }
 }

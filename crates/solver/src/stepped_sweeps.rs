@@ -7,30 +7,32 @@
 //! ```text
 //! (dF/dlambda + dF/ddelta W + shift) d = -F ,   lambda' = P(lambda + t d) ,   t = 1, 1/2 or 0
 //! ```
-//! in the symbols of the active system of Newton. The shift, a part of the mean diagonal of `W_aa`, makes it a step of Levenberg
-//! (1944) and Marquardt (1963): contacts that lie beside one another on the same nodes share their force in many ways, and an
-//! undamped step throws it to and fro. Between two steps a sweep or more finds anew which contacts carry force.
+//! in the symbols of the active system of Newton. The shift, a part of the mean diagonal of `W_aa`, makes it a step of
+//! Levenberg (1944) and Marquardt (1963): contacts that lie beside one another on the same nodes share their force in
+//! many ways, and an undamped step throws it to and fro. Between two steps a sweep or more finds anew which contacts
+//! carry force.
 //!
 //! Where a contact is another than before, forces by the names of contacts do not balance, and such a body is moved by
-//! millimetres for a few millinewtons: gaps then say nothing of what touches. So a run begins with a second gap, that at forces which
-//! do balance, as they are known at the nodes; where the first residual is beyond a tenth the first thing is a step that opens and
-//! closes contacts by that gap, and closes them by the true one.
+//! millimetres for a few millinewtons: gaps then say nothing of what touches. So a run begins with a second gap, that
+//! at forces which do balance, as they are known at the nodes; where the first residual is beyond a tenth the first
+//! thing is a step that opens and closes contacts by that gap, and closes them by the true one.
 //!
-//! A step costs as much as so many sweeps ([`cost`]), and is taken where that is left of them: work is bounded by that of
-//! `max_sweeps` sweeps, and a problem with too many closed rows has sweeps alone. Nothing is allocated, and no memory of the thread is
-//! used.
+//! A step costs as much as so many sweeps ([`cost`]), and is taken where that is left of them: work is bounded by that
+//! of `max_sweeps` sweeps, and a problem with too many closed rows has sweeps alone. Nothing is allocated, and no
+//! memory of the thread is used.
 
-use crate::active_block::ActiveBlock;
+use crate::active_rows::ActiveRows;
 use crate::gauss_seidel::{GaussSeidelConfig, GaussSeidelWorkspace, residual, sweep};
 use crate::iteration::{self, Advance, Stop};
-use crate::problem::{Block, ProblemView, gather, scatter};
+use crate::problem::{ProblemView, gather, scatter};
 use crate::report::SolveReport;
 use crate::small_system::SmallSystem;
-use crate::vectors::{add_columns, form_gap};
+use crate::vectors::form_gap;
 use crate::watch::Watch;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
-/// Sweeps before the first step: what they settle needs none (ten contacts of a ball on the liver: 8 at the median, 12 at p99).
+/// Sweeps before the first step: what they settle needs none (ten contacts of a ball on the liver: 8 at the median, 12
+/// at p99).
 const FIRST: u32 = 12;
 
 /// Sweeps between two steps.
@@ -42,21 +44,17 @@ const SHIFT: f64 = 0.3;
 /// Growth of the residual up to which a step is taken: it opens and closes contacts, which the sweeps after it settle.
 const ACCEPTED: f64 = 3.0;
 
-/// Residual of the forces that a run begins with beyond which they are taken for out of balance. Warm starts on tissue that is held have
-/// 1e-3 to 1e-2.
+/// Residual of the forces that a run begins with beyond which they are taken for out of balance. Warm starts on tissue
+/// that is held have 1e-3 to 1e-2.
 const LOST: f64 = 0.1;
 
 /// Memory of the steps.
 #[derive(Clone, Debug)]
 pub struct Steps {
-    blocks: Vec<ActiveBlock>,
-    /// Changes of the forces that the laws give: block, and N.
-    given: Vec<(Block, Vector3<f64>)>,
+    rows: ActiveRows,
     /// `W d_given`, m.
     gap: Vec<f64>,
     system: SmallSystem,
-    /// `d`, N.
-    direction: Vec<f64>,
     /// Forces before the step, N, and their gap, m.
     lambda: Vec<f64>,
     delta: Vec<f64>,
@@ -68,82 +66,44 @@ impl Steps {
     pub fn with_capacity(rows: usize, unknowns: usize) -> Self {
         let vector = || Vec::with_capacity(rows);
         Self {
-            blocks: Vec::with_capacity(rows),
-            given: Vec::with_capacity(rows),
+            rows: ActiveRows::with_capacity(rows),
             gap: vector(),
             system: SmallSystem::with_capacity(unknowns.min(rows)),
-            direction: vector(),
             lambda: vector(),
             delta: vector(),
         }
     }
 
-    /// Sorts the rows into given and unknown forces by the gap `at` (m); returns the number of unknowns.
-    fn linearize(&mut self, view: &ProblemView<'_>, lambda: &[f64], at: &[f64], ws: &GaussSeidelWorkspace) -> usize {
-        self.blocks.clear();
-        self.given.clear();
-        self.direction.clear();
-        self.direction.resize(view.rows(), 0.0);
-        let mut size = 0;
-        for (block, local) in view.blocks.iter().zip(&ws.local) {
-            let force = gather(lambda, block);
-            let mut given = -force;
-            if !local.is_rigid() {
-                let equation = block.law.linearize(local.rho(), &gather(at, block), &force);
-                let mut active = ActiveBlock::new(block, size, local.rho().sqrt());
-                given = active.read(&equation);
-                if active.count > 0 {
-                    size += active.count;
-                    self.blocks.push(active);
-                }
-            }
-            if given != Vector3::zeros() {
-                scatter(&given, block, &mut self.direction);
-                self.given.push((*block, given));
-            }
-        }
-        size
-    }
-
     /// `d` of all rows for the gap `delta` (m), where they were sorted by `at`; `false` where the system is singular.
     fn solve(&mut self, view: &ProblemView<'_>, size: usize, at: &[f64], delta: &[f64]) -> bool {
-        let Self { blocks, given, gap, system, direction, .. } = self;
+        let Self { rows, gap, system, .. } = self;
         gap.clear();
         gap.extend(delta.iter().zip(at).map(|(delta, at)| delta - at));
-        for (block, force) in given.iter() {
-            add_columns(view, block, force, gap);
-        }
-        system.reset(size);
-        for from in blocks.iter() {
+        rows.add_given(view, gap);
+        let matrix = &mut system.augmented;
+        matrix.reset(size);
+        for from in &rows.blocks {
             let columns =
                 [0, 1, 2].map(|c| if c < from.block.law.rows() { view.column(from.block.start + c) } else { &[] });
-            for to in blocks.iter() {
+            for to in &rows.blocks {
                 let between = Matrix3::from_columns(&columns.map(|column| gather(column, &to.block)));
                 for (j, unknown) in from.unknowns().iter().enumerate() {
                     let gap = between * unknown.direction * (from.scale * to.scale);
-                    let column = system.column_mut(from.first + j);
+                    let column = matrix.column_mut(from.first + j);
                     for (entry, unknown) in column.iter_mut().skip(to.first).zip(to.unknowns()) {
                         *entry = unknown.weight * unknown.test.dot(&gap);
                     }
                 }
             }
             for (j, unknown) in from.unknowns().iter().enumerate() {
-                if let Some(diagonal) = system.column_mut(from.first + j).get_mut(from.first + j) {
+                if let Some(diagonal) = matrix.column_mut(from.first + j).get_mut(from.first + j) {
                     *diagonal += unknown.own(SHIFT);
                 }
             }
         }
-        let column = system.column_mut(size);
-        for active in blocks.iter() {
-            let right = active.right(&gather(gap, &active.block));
-            for (entry, right) in column.iter_mut().skip(active.first).zip(&right[..active.count]) {
-                *entry = *right;
-            }
-        }
+        rows.fill_right(gap, matrix.column_mut(size));
         let Some(solution) = system.solve() else { return false };
-        for active in blocks.iter() {
-            active.add(solution.get(active.first..active.first + active.count).unwrap_or(&[]), direction);
-        }
+        rows.add_solution(solution);
         true
     }
 
@@ -156,7 +116,7 @@ impl Steps {
         self.delta.extend_from_slice(&ws.delta);
         for t in [1.0, 0.5] {
             for block in view.blocks {
-                let force = gather(&self.lambda, block) + gather(&self.direction, block) * t;
+                let force = gather(&self.lambda, block) + gather(&self.rows.direction, block) * t;
                 scatter(&block.law.project(&force), block, lambda);
             }
             form_gap(view, lambda, &mut ws.delta);
@@ -171,18 +131,18 @@ impl Steps {
     }
 }
 
-/// What a step with so many unknowns is taken to cost in a problem of so many rows, in sweeps: an estimate by what grows with the square of
-/// the unknowns, what goes with every unknown, and the gap formed anew. It was set by the time of whole runs, not of single steps, and may be
-/// low by a third.
+/// What a step with so many unknowns is taken to cost in a problem of so many rows, in sweeps: an estimate by what
+/// grows with the square of the unknowns, what goes with every unknown, and the gap formed anew. It was set by the time
+/// of whole runs, not of single steps, and may be low by a third.
 #[must_use]
 pub fn cost(unknowns: usize, rows: usize) -> u32 {
     let sweeps = (unknowns * unknowns / 5 + 4 * unknowns).div_ceil(rows.max(1)) + 1;
     u32::try_from(sweeps).unwrap_or(u32::MAX)
 }
 
-/// Solves from the forces in `lambda` (N) and leaves the answer there; `at`: the gap (m) by which the first step knows what touches where
-/// the forces are out of balance, or nothing. `config` has tolerance and limits: relaxation and order
-/// are the plain ones. A step counts as [`cost`] iterations.
+/// Solves from the forces in `lambda` (N) and leaves the answer there; `at`: the gap (m) by which the first step knows
+/// what touches where the forces are out of balance, or nothing. `config` has tolerance and limits: relaxation and
+/// order are the plain ones. A step counts as [`cost`] iterations.
 pub fn solve(
     view: &ProblemView<'_>,
     (lambda, at): (&mut [f64], &[f64]),
@@ -201,14 +161,15 @@ pub fn solve(
         }
         if to_sweep == 0 && steps_on {
             let seen = at.take();
-            let size = steps.linearize(view, lambda, seen.unwrap_or(&ws.delta), ws);
+            let here = seen.unwrap_or(&ws.delta);
+            let scales = ws.local.iter().map(|local| local.rho().sqrt());
+            let size = steps.rows.sort(view, &ws.local, scales, lambda, here);
             let cost = cost(size, view.rows());
             // What cannot be paid, and what came to nothing, is not tried again.
-            steps_on = size > 0 && size <= steps.system.capacity() && cost <= left;
+            steps_on = size > 0 && size <= steps.system.augmented.capacity() && cost <= left;
             if steps_on {
                 (to_sweep, left) = (BETWEEN, left - cost);
-                steps_on =
-                    steps.solve(view, size, seen.unwrap_or(&ws.delta), &ws.delta) && steps.take(view, lambda, ws);
+                steps_on = steps.solve(view, size, here, &ws.delta) && steps.take(view, lambda, ws);
                 return Advance::Several(cost);
             }
         }
