@@ -85,7 +85,6 @@ fn reason(panic: &(dyn Any + Send)) -> String {
 
 #[cfg(test)]
 mod tests {
-
     use super::*;
     use crate::engine::{Engine, workers};
     use crate::replay::replay;

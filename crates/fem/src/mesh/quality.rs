@@ -149,11 +149,7 @@ impl MeshQuality {
     pub fn warnings(&self) -> Vec<MeshWarning> {
         let mut warnings = Vec::new();
         let diagonal = (Vector3::from(self.bounds[1]) - Vector3::from(self.bounds[0])).norm();
-        if diagonal > WIDEST_BODY {
-            // Millimetres, unless the body would then be smaller than a finger's breadth.
-            let scale = if diagonal * 1e-3 >= 0.02 { 1e-3 } else { 1e-2 };
-            warnings.push(MeshWarning::Units { diagonal, scale });
-        }
+        warnings.extend(MeshWarning::of_width(diagonal));
         if self.poor > 0 {
             let (worst, radius_ratio) = (self.worst, self.radius_ratio[0]);
             warnings.push(MeshWarning::PoorElements { tetrahedra: self.poor, worst, radius_ratio });

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use super::quality::WIDEST_BODY;
+
 /// What is odd about a mesh that can still be used.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
@@ -42,6 +44,15 @@ pub enum MeshWarning {
         /// Its name, or what stood in the way.
         array: String,
     },
+}
+
+impl MeshWarning {
+    /// Of a mesh whose bounding box has this diagonal (m), where that is plainly in another unit.
+    pub fn of_width(diagonal: f64) -> Option<Self> {
+        // Millimetres, unless the body would then be smaller than a finger's breadth.
+        let scale = if diagonal * 1e-3 >= 0.02 { 1e-3 } else { 1e-2 };
+        (diagonal > WIDEST_BODY).then_some(Self::Units { diagonal, scale })
+    }
 }
 
 impl fmt::Display for MeshWarning {

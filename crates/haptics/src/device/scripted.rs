@@ -15,7 +15,6 @@ pub const REGISTRATION: Registration =
 pub struct ScriptedDevice {
     spec: DeviceSpec,
     script: HandScript,
-    /// Before the script's rotation.
     wrench: Wrench,
     open: bool,
 }

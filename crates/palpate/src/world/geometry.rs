@@ -6,7 +6,7 @@ use palpate_fem::block::{block, evenly};
 use palpate_fem::closed_surface::ClosedSurface;
 use palpate_fem::format;
 use palpate_fem::image::LabelImage;
-use palpate_fem::mesh::{MeshQuality, MeshWarning, TetMesh};
+use palpate_fem::mesh::{MeshWarning, TetMesh};
 use palpate_fem::stuffing::{Stuffing, StuffingError, StuffingReport, stuff_image, stuff_surface};
 
 use crate::scene::{Scene, SceneError, SceneFile};
@@ -40,7 +40,7 @@ pub(super) fn load(scene: &Scene) -> Result<Loaded, SceneError> {
     if let Some(b) = &body.block {
         let axis = |c: usize| evenly(b.min[c], b.max[c], b.cells[c]);
         let mesh = block(&axis(0), &axis(1), &axis(2)).scaled(body.scale)?;
-        let unit = MeshQuality::measure(&mesh).warnings().into_iter().find(|w| matches!(w, MeshWarning::Units { .. }));
+        let unit = MeshWarning::of_width(mesh.bounding_box().diagonal());
         return Ok(Loaded { mesh, warnings: Vec::new(), unit });
     }
     let (Some(name), Some(cell)) = (&body.image, body.cell) else {
