@@ -1,5 +1,6 @@
-//! Solvers on contact problems of soft tissue with friction: a ball in the liver that meets nodes of its skin, pressed and
-//! dragged, tools on faces of a slab, whose compliance is nearly singular (see [`slab`]), and a ball on a block (see [`block`]).
+//! Solvers on contact problems of soft tissue with friction: a ball in the liver that meets nodes of its skin, pressed
+//! and dragged, tools on faces of a slab, whose compliance is nearly singular (see [`slab`]), and a ball on a block
+//! (see [`block`]).
 //!
 //! First a table: at 10, 30, 60 and 150 contacts a warm solve to 1e-3 from the forces of a tick before, beside the
 //! settings of SOFA's constraint solver (no warm start, a fixed number of sweeps), and cold solves to 1e-8 by every solver.

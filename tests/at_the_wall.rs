@@ -1,5 +1,5 @@
-//! Walls in the tick: a block that is lifted off a table and set down, one that is held in the air, and tissue that is pressed
-//! on a table.
+//! Walls in the tick: a block that is lifted off a table and set down, one that is held in the air, and tissue that is
+//! pressed on a table.
 
 #![allow(clippy::print_stdout)] // measured numbers
 
@@ -67,8 +67,8 @@ fn a_block_is_lifted_off_a_table_and_set_down_without_a_staircase() {
     assert!(pull > -0.09, "{pull} N");
 }
 
-/// What differs in rounding, or by a little more, takes other turns, each of which the hand-over holds for: a tenth of what frozen
-/// rows jump by. The ticks end at their limit of sweeps here, so the jumps scatter, from 3 to 22 mN.
+/// What differs in rounding, or by a little more, takes other turns, each of which the hand-over holds for: a tenth of
+/// what frozen rows jump by. The ticks end at their limit of sweeps here, so the jumps scatter, from 3 to 22 mN.
 #[test]
 fn a_block_is_set_down_without_a_jump_however_the_table_and_the_hand_lie() {
     let largest = |change: &dyn Fn(&mut palpate::scene::SceneDescription)| {

@@ -89,8 +89,8 @@ fn a_deep_press_climbs_and_comes_down_after_it() {
     assert!(all[free + down..].iter().all(|r| rung(r) == Rung::Warped));
 }
 
-/// The correction by the old inverse tells nothing of its error: a column is compared in every step, whatever the scene grants
-/// for it, and the run climbs as by the exact one.
+/// The correction by the old inverse tells nothing of its error: a column is compared in every step, whatever the scene
+/// grants for it, and the run climbs as by the exact one.
 #[test]
 fn a_run_climbs_also_where_the_correction_does_not_tell_the_error() {
     let world = block(ComplianceMethod::Asynchronous, |scene| {
@@ -240,8 +240,8 @@ fn a_run_on_a_ladder_repeats_to_the_bit_on_any_number_of_threads_and_replays() {
     assert!(trace.steps.iter().any(|s| s.lower_error > 0.0));
 }
 
-/// In virtual time with nothing but defaults the factor thread is free for most of a period, as it is in real time: on the rung of
-/// early refreshes the factor is made anew before its turn.
+/// In virtual time with nothing but defaults the factor thread is free for most of a period, as it is in real time: on
+/// the rung of early refreshes the factor is made anew before its turn.
 #[test]
 fn a_run_in_lockstep_at_defaults_refreshes_early() {
     let mut early = 0;

@@ -639,8 +639,8 @@ typedef struct palpate_surface {
      */
     uint32_t struct_size;
     /*
-     Events and changes by palpate_change that had happened: with each of them the triangles change, and nothing else changes
-     them.
+     Events and changes by palpate_change that had happened: with each of them the triangles change, and nothing else
+     changes them.
      */
     uint32_t events;
     /*
@@ -745,8 +745,8 @@ palpate_status palpate_pause(const struct palpate_simulation *simulation);
 palpate_status palpate_resume(const struct palpate_simulation *simulation);
 
 /*
- Changes the body while it runs: nodes released or held, elements removed. `change` is TOML with the keys of an event of a scene
- without `time`, such as "remove = { ball = { center = [0.02, 0.02, 0.04], radius = 0.005 } }" or
+ Changes the body while it runs: nodes released or held, elements removed. `change` is TOML with the keys of an event
+ of a scene without `time`, such as "remove = { ball = { center = [0.02, 0.02, 0.04], radius = 0.005 } }" or
  "hold = { node_set = \"x_min\" }". The scene's body must have room: `changes = 8` for eight changes in one run.
 
  The changed body is made on the calling thread, in some ten milliseconds per thousand nodes, so do not call it from the
@@ -842,9 +842,9 @@ palpate_status palpate_surface_positions(const struct palpate_simulation *simula
                                          struct palpate_surface *out);
 
 /*
- Copies the triangles of the soft body's surface after this number of events, changes by palpate_change among them: three nodes
- each, counted from 0, counter-clockwise from outside. Of a simulation that has a port. `room` is the number of triangles that `triangles` has room for, at least
- palpate_surface.triangles.
+ Copies the triangles of the soft body's surface after this number of events, changes by palpate_change among them:
+ three nodes each, counted from 0, counter-clockwise from outside. Of a simulation that has a port. `room` is the
+ number of triangles that `triangles` has room for, at least palpate_surface.triangles.
 
  The caller answers for this:
  `simulation` is NULL or was created and not destroyed; `triangles` has room for 3 `room` numbers.

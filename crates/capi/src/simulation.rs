@@ -202,8 +202,8 @@ pub unsafe extern "C" fn palpate_resume(simulation: *const Simulation) -> Status
     unsafe { with_session(simulation, |session| in_phase(session.pause(false), "the simulation does not run")) }
 }
 
-/// Changes the body while it runs: nodes released or held, elements removed. `change` is TOML with the keys of an event of a scene
-/// without `time`, such as "remove = { ball = { center = [0.02, 0.02, 0.04], radius = 0.005 } }" or
+/// Changes the body while it runs: nodes released or held, elements removed. `change` is TOML with the keys of an event
+/// of a scene without `time`, such as "remove = { ball = { center = [0.02, 0.02, 0.04], radius = 0.005 } }" or
 /// "hold = { node_set = \"x_min\" }". The scene's body must have room: `changes = 8` for eight changes in one run.
 ///
 /// The changed body is made on the calling thread, in some ten milliseconds per thousand nodes, so do not call it from the

@@ -14,8 +14,8 @@ use crate::status::{Status, fail, fail_plainly, guarded};
 pub struct Surface {
     /// sizeof(palpate_surface).
     pub struct_size: u32,
-    /// Events and changes by palpate_change that had happened: with each of them the triangles change, and nothing else changes
-    /// them.
+    /// Events and changes by palpate_change that had happened: with each of them the triangles change, and nothing else
+    /// changes them.
     pub events: u32,
     /// Steps so far.
     pub steps: u64,
@@ -125,9 +125,9 @@ pub unsafe extern "C" fn palpate_surface_positions(
     unsafe { with_shape(simulation, out, copy) }
 }
 
-/// Copies the triangles of the soft body's surface after this number of events, changes by palpate_change among them: three nodes
-/// each, counted from 0, counter-clockwise from outside. Of a simulation that has a port. `room` is the number of triangles that `triangles` has room for, at least
-/// palpate_surface.triangles.
+/// Copies the triangles of the soft body's surface after this number of events, changes by palpate_change among them:
+/// three nodes each, counted from 0, counter-clockwise from outside. Of a simulation that has a port. `room` is the
+/// number of triangles that `triangles` has room for, at least palpate_surface.triangles.
 ///
 /// # Safety
 /// `simulation` is NULL or was created and not destroyed; `triangles` has room for 3 `room` numbers.

@@ -1,19 +1,20 @@
 //! Detection: from a surface and a tool to contacts.
 //!
 //! A box around the tool, widened by the margin and the reach, selects triangles; their nodes ([`ContactKind::Nodes`])
-//! or their deepest points ([`ContactKind::Faces`]) become features with a gap and a normal ([`narrow_phase`](crate::narrow_phase)); features
-//! on the wrong side are rejected; points that carried a force stay ([`held`](crate::held)); what is left is sorted by depth, near-duplicates are merged, and the deepest are kept.
+//! or their deepest points ([`ContactKind::Faces`]) become features with a gap and a normal
+//! ([`narrow_phase`](crate::narrow_phase)); features on the wrong side are rejected; points that carried a force stay
+//! ([`held`](crate::held)); what is left is sorted by depth, near-duplicates are merged, and the deepest are kept.
 //!
 //! **Sides.** The far skin of a thin organ and the near skin that a tool has passed look alike: the distance to both
 //! points out of the body. Detection therefore remembers the outward normal `u` of the skin through which the tool came
 //! ([`ContactSet::side`]): the skin nearest to the tool's innermost probe. While that probe is outside, the memory
 //! follows, except to the opposite side of a tool that still touches; inside, only as far as the skin turns by less
-//! than 60 degrees a step. A feature that lies
-//! behind the tool needs `skin · u > 1/2`, and the tool's core to lie in the body (or to have come through it): a flap
-//! above a tool in a cavity is not skin that the tool has passed. A feature beside the tool that the skin decides about
-//! needs `skin · u > -1/2` ([`Touch::side`](crate::narrow_phase::Touch)). While the tool is submerged, skin with `skin · u < 0` is rejected
-//! altogether, since the tool may have come out of the far side. A tool that appears inside the body takes the
-//! nearest skin; [`DetectionReport::tool_inside`] tells set-up to refuse it.
+//! than 60 degrees a step. A feature that lies behind the tool needs `skin · u > 1/2`, and the tool's core to lie in
+//! the body (or to have come through it): a flap above a tool in a cavity is not skin that the tool has passed. A
+//! feature beside the tool that the skin decides about needs `skin · u > -1/2`
+//! ([`Touch::side`](crate::narrow_phase::Touch)). While the tool is submerged, skin with `skin · u < 0` is rejected
+//! altogether, since the tool may have come out of the far side. A tool that appears inside the body takes the nearest
+//! skin; [`DetectionReport::tool_inside`] tells set-up to refuse it.
 
 use nalgebra::{Isometry3, Vector3};
 
@@ -65,8 +66,8 @@ impl DetectionWorkspace {
 /// Finds the contacts between a refitted surface and a shape at a pose.
 ///
 /// `positions` are the body's nodes \[m\] that the surface was refitted to. `out` enters with what the step before left
-/// (the side from which the tool came, and held points) and leaves with the new contacts, ascending by feature. Non-finite numbers
-/// give no contact and are counted.
+/// (the side from which the tool came, and held points) and leaves with the new contacts, ascending by feature.
+/// Non-finite numbers give no contact and are counted.
 pub fn detect(
     surface: &SurfaceGeometry,
     positions: &[Vector3<f64>],

@@ -4,10 +4,10 @@
 //! with the age of the factor. When the recurrence says that the tolerance is met, the residual is computed afresh,
 //! reported, and iterated on if rounding has made the two differ.
 //!
-//! Solves with one matrix may share what they learn of it: the directions of earlier ones are kept, which are conjugate, and
-//! a later one begins with its error removed from their span and never searches there again (Saad, Yeung, Erhel and
-//! Guyomarc'h 2000, with directions of conjugate gradients in the place of eigenvectors). Two scalar products and two additions
-//! for each direction cost far less than a solve with a factor.
+//! Solves with one matrix may share what they learn of it: the directions of earlier ones are kept, which are
+//! conjugate, and a later one begins with its error removed from their span and never searches there again (Saad,
+//! Yeung, Erhel and Guyomarc'h 2000, with directions of conjugate gradients in the place of eigenvectors). Two scalar
+//! products and two additions for each direction cost far less than a solve with a factor.
 //!
 //! Scalar products are plain sums in the order of the unknowns, so the iterates have the same bits for any number of
 //! threads.

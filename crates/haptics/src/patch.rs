@@ -4,18 +4,19 @@
 //! x = q_free + d + e + C f           m, position of the nodes under nodal contact forces f (N), a step h after the step
 //! C = h² S A⁻¹ Sᵀ                    m/N, 3 × 3 blocks; S picks the patch's nodes; zero for nodes that are held fixed
 //! ```
-//! d + e is how far the tissue would go without the tool until the next step: a step ends in motion, and
-//! what moves already needs no force to be moved on. The drift d goes evenly with time, as mass does; the flow e and C f come as
-//! `viscosity` β lets them (s; D = βK), in a step of backward Euler as much as that has: the tick knows them at other times too.
+//! d + e is how far the tissue would go without the tool until the next step: a step ends in motion, and what moves
+//! already needs no force to be moved on. The drift d goes evenly with time, as mass does; the flow e and C f come as
+//! `viscosity` β lets them (s; D = βK), in a step of backward Euler as much as that has: the tick knows them at other
+//! times too.
 //!
-//! `force` is f of the tool as the step found it. `q_free` is where that leaves the nodes: the step's end less C f, so that the patch is
-//! tangent to the step's own answer, whatever method and however old a factor gave C.
+//! `force` is f of the tool as the step found it. `q_free` is where that leaves the nodes: the step's end less C f, so
+//! that the patch is tangent to the step's own answer, whatever method and however old a factor gave C.
 //!
-//! Beside the skin a patch has contacts of fixed and rigid bodies ([`BodyContact`](crate::body_contact::BodyContact)). C is over
-//! their coordinates u, three each, and then over the nodes; f has their forces, in the same order.
+//! Beside the skin a patch has contacts of fixed and rigid bodies ([`BodyContact`](crate::body_contact::BodyContact)).
+//! C is over their coordinates u, three each, and then over the nodes; f has their forces, in the same order.
 //!
-//! Other rows of the scene that do not touch the tool are no part of a patch: their forces are in `q_free`, and those that are
-//! closed are condensed into C ([`palpate_constraints::condensed`]).
+//! Other rows of the scene that do not touch the tool are no part of a patch: their forces are in `q_free`, and those
+//! that are closed are condensed into C ([`palpate_constraints::condensed`]).
 
 use nalgebra::Vector3;
 use palpate_collision::SkinPatch;
@@ -192,7 +193,8 @@ impl HapticPatch {
         &mut self.compliance[..n * n]
     }
 
-    /// `moved = C f` \[m\] for forces at all places \[N\]; those without force cost nothing. `sum` is scratch of three numbers a place.
+    /// `moved = C f` \[m\] for forces at all places \[N\]; those without force cost nothing. `sum` is scratch of three
+    /// numbers a place.
     pub fn yielding(&self, force: &[Vector3<f64>], sum: &mut [f64], moved: &mut [Vector3<f64>]) {
         moved.fill(Vector3::zeros());
         let n = self.degrees_of_freedom().min(sum.len());

@@ -32,8 +32,8 @@ fn viscous(step: u64, ball: &Ball, depth: f64) -> HapticSnapshot {
 /// Relaxation time (s) of a touch that is held.
 const RELAXES: f64 = 3e-3;
 
-/// Force of a spring in series with a spring and a damper side by side, by backward Euler, for the ways (m) of each tick from 0.
-/// Together the springs are K, of which C = 1/(K (1 + β/h)).
+/// Force of a spring in series with a spring and a damper side by side, by backward Euler, for the ways (m) of each
+/// tick from 0. Together the springs are K, of which C = 1/(K (1 + β/h)).
 fn three_elements(ways: &[f64]) -> Vec<f64> {
     let stiffness = 1.0 / (C * (1.0 + BETA / STEP));
     let creeps = BETA + RELAXES * (1.0 + BETA / STEP);
@@ -115,8 +115,8 @@ fn no_snapshot_of_tissue_in_motion_makes_the_force_jump() {
         }
         before = force;
     }
-    // A steady press makes 0.009 N a tick, a ninth more of it by the new stiffness: that is all. A tenth of 0.6 N is handed over
-    // in 10 ms.
+    // A steady press makes 0.009 N a tick, a ninth more of it by the new stiffness: that is all. A tenth of 0.6 N is
+    // handed over in 10 ms.
     assert!(jump < 0.12 * speed * TICK / (C * (1.0 + BETA / STEP)), "{jump} N of {before} N");
     assert!(largest < 0.025, "{largest} N in a tick, of {before} N");
 }

@@ -54,8 +54,8 @@ impl ChangeQueue {
         Self { maker: ChangeMaker::new(world), sender }
     }
 
-    /// Makes the changed body on this thread, shows it to `made` and sends it; what happens, in words. Takes the time of building a body: some
-    /// ten milliseconds per thousand nodes.
+    /// Makes the changed body on this thread, shows it to `made` and sends it; what happens, in words. Takes the time
+    /// of building a body: some ten milliseconds per thousand nodes.
     pub(crate) fn change(
         &mut self,
         world: &World,

@@ -55,8 +55,8 @@ impl<'w> Engine<'w> {
 }
 
 impl<'w, T> Engine<'w, T> {
-    /// Takes the body as it begins, factors its first matrix, opens the trace; `make` makes the tick on a device of this record. The
-    /// first step has the tool at `first`.
+    /// Takes the body as it begins, factors its first matrix, opens the trace; `make` makes the tick on a device of
+    /// this record. The first step has the tool at `first`.
     pub(crate) fn with_tick(
         world: &'w World,
         options: &RunOptions,

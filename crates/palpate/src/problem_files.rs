@@ -1,5 +1,5 @@
-//! Contact problems of a run, one file for each that was solved: `step-000042-pass-00001.json` is the first of step 42. A step
-//! solves several by Newton's method, whose motion and forces take turns, and in explicit substeps.
+//! Contact problems of a run, one file for each that was solved: `step-000042-pass-00001.json` is the first of step 42.
+//! A step solves several by Newton's method, whose motion and forces take turns, and in explicit substeps.
 //!
 //! Each file holds the forces that the solver began with and those that it found, so that `palpate solve --warm` repeats it.
 

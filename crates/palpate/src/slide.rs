@@ -1,4 +1,5 @@
-//! The scene of unit tests of threads and replays: a ball on a virtual device that is pressed into a block and slides over it.
+//! The scene of unit tests of threads and replays: a ball on a virtual device that is pressed into a block and slides
+//! over it.
 
 use std::path::Path;
 

@@ -4,9 +4,9 @@
 //! f = g(x) - x ,  gamma minimises |f - dF gamma| ,  next x = g(x) - (dX + dF) gamma
 //! ```
 //!
-//! The columns of `dX` and `dF` are the last changes of `x` and `f`. On a linear map of dimension `d` the fixed point is found
-//! after `d + 1` values of `g`, whatever its rate. Least squares by Gram and Schmidt, newest change first; a change that says
-//! nothing beside newer ones is left out.
+//! The columns of `dX` and `dF` are the last changes of `x` and `f`. On a linear map of dimension `d` the fixed point
+//! is found after `d + 1` values of `g`, whatever its rate. Least squares by Gram and Schmidt, newest change first; a
+//! change that says nothing beside newer ones is left out.
 
 /// Changes that are remembered.
 const DEPTH: usize = 10;

@@ -9,11 +9,12 @@
 //! 5. Block Gauss-Seidel with many sweeps.
 //! 6. Cone programs, for symmetric `W`.
 //!
-//! Each begins at the best forces so far. The report has their residual, the iterations of all attempts, and how the run
-//! ended: a limit of time that was met, else the finding of the last attempt that had one (no solution, stalled), else the
-//! status of the attempt with the least residual. [`AutomaticWorkspace::attempts`] tells what was tried and how it ended. Step 6
-//! allocates where it meets contacts that it has not met lately, the others do not. [`AutomaticConfig::bounded`] leaves steps 4 and 6 out. Steps 4 and 6, whose iterations are long,
-//! end after so many as are their own default, or sooner by the limit of each attempt.
+//! Each begins at the best forces so far. The report has their residual, the iterations of all attempts, and how the
+//! run ended: a limit of time that was met, else the finding of the last attempt that had one (no solution, stalled),
+//! else the status of the attempt with the least residual. [`AutomaticWorkspace::attempts`] tells what was tried and
+//! how it ended. Step 6 allocates where it meets contacts that it has not met lately, the others do not.
+//! [`AutomaticConfig::bounded`] leaves steps 4 and 6 out. Steps 4 and 6, whose iterations are long, end after so many
+//! as are their own default, or sooner by the limit of each attempt.
 
 use crate::accelerated_gradient::{AcceleratedGradientConfig, AcceleratedGradientWorkspace};
 use crate::conic_friction::{ConicFrictionConfig, ConicFrictionWorkspace};

@@ -7,18 +7,18 @@
 //! until natural-map residual <= tolerance
 //! ```
 //!
-//! Each program is convex, whatever the rank of `W`; at the fixed point of `s` the law is Coulomb's, exactly. Associated
-//! laws need one program. The plain fixed point is approached linearly, faster for less friction: on a body held by many
-//! contacts (`OneObject-i100000` of Siconos's problems) its error falls by less than a tenth a program. So it is accelerated
-//! ([Anderson 1965]), and programs far from it are solved no further than it is worth. It need not exist where the problem has
-//! no solution.
+//! Each program is convex, whatever the rank of `W`; at the fixed point of `s` the law is Coulomb's, exactly.
+//! Associated laws need one program. The plain fixed point is approached linearly, faster for less friction: on a body
+//! held by many contacts (`OneObject-i100000` of Siconos's problems) its error falls by less than a tenth a program. So
+//! it is accelerated ([Anderson 1965]), and programs far from it are solved no further than it is worth. It need not
+//! exist where the problem has no solution.
 //!
 //! A program leaves errors of the order of `sqrt(1e-16)` of its largest force where a contact is between slip and stick, and
 //! all of a block whose share of the energy is below that of the largest. So, once [`IDLE`] programs have not lowered the
 //! residual, sweeps of block Gauss-Seidel on the exact laws go on from the best forces.
 //!
-//! Clarabel starts every program from its own point: a reference and a fall-back at step rate, not for the tick. Problems whose
-//! laws have been met lately, in the same order, are solved without allocation.
+//! Clarabel starts every program from its own point: a reference and a fall-back at step rate, not for the tick.
+//! Problems whose laws have been met lately, in the same order, are solved without allocation.
 
 use crate::conic::{ConicPrograms, Corrections, Until};
 use crate::gauss_seidel::{GaussSeidelWorkspace, sweep};

@@ -19,9 +19,10 @@ use std::time::Instant;
 const SETTLING: u32 = 8;
 const WORTHWHILE: f64 = 0.75;
 
-/// Part of the square of the change before from which on a sweep gains nothing, and number of such sweeps in a row that ends
-/// them: the forces creep along what the compliance hardly resists, by the same in every sweep, which a step ends at once.
-/// With two, a flat tool on sixty faces takes 1.3 times as long: its changes are level for as long while it finds its contacts.
+/// Part of the square of the change before from which on a sweep gains nothing, and number of such sweeps in a row that
+/// ends them: the forces creep along what the compliance hardly resists, by the same in every sweep, which a step ends
+/// at once. With two, a flat tool on sixty faces takes 1.3 times as long: its changes are level for as long while it
+/// finds its contacts.
 const LEVEL: f64 = 0.98;
 const LEVEL_SWEEPS: u32 = 3;
 
@@ -203,8 +204,8 @@ mod tests {
     use nalgebra::{DMatrix, DVector};
     use palpate_constraints::law::Coulomb;
 
-    /// Contacts side by side whose coupling falls off with their distance. One in three is pressed deep, which opens those beside
-    /// it again.
+    /// Contacts side by side whose coupling falls off with their distance. One in three is pressed deep, which opens
+    /// those beside it again.
     fn problem(compliance: f64) -> ConstraintProblem {
         const CONTACTS: usize = 12;
         let matrix = DMatrix::from_fn(3 * CONTACTS, 3 * CONTACTS, |i, j| {

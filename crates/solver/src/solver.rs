@@ -29,8 +29,8 @@ pub trait ConstraintSolver: Copy + Default {
 
     /// Solves from the forces in `lambda` (N) and leaves the answer there: finite and admissible whatever the status.
     ///
-    /// Allocates nothing, with two exceptions: the first cone program of a structure (see [`crate::conic_friction`]), and Lemke
-    /// on a law with more facets than any before. On another thread than the one that made the workspace see
+    /// Allocates nothing, with two exceptions: the first cone program of a structure (see [`crate::conic_friction`]),
+    /// and Lemke on a law with more facets than any before. On another thread than the one that made the workspace see
     /// [`warm_thread`].
     fn solve_watched(
         &self,

@@ -1,4 +1,5 @@
-//! Once problem and workspace exist, filling and solving allocate nothing; cone programs from the second of their structure on.
+//! Once problem and workspace exist, filling and solving allocate nothing; cone programs from the second of their
+//! structure on.
 
 mod half_space;
 

@@ -195,7 +195,8 @@ struct SlipForce {
 }
 
 impl Coulomb {
-    /// The coefficient by which forces are computed: one below zero, which [`validate`](ContactLaw::validate) refuses, is none.
+    /// The coefficient by which forces are computed: one below zero, which [`validate`](ContactLaw::validate) refuses,
+    /// is none.
     fn coefficient(&self) -> f64 {
         self.friction.max(0.0)
     }

@@ -25,8 +25,8 @@ const NODES_OF_BLOCK: usize = BLOCK_ROWS / 3;
 /// Most blocks: beyond it all nodes are forgotten, since blocks of a few nodes each are slow to multiply.
 const MOST_BLOCKS: usize = 12;
 
-/// Nodes that there is room for, in those of as many rows as a compliance may have: while a tool slides, one node in the place of
-/// another must not make all others to be solved for anew.
+/// Nodes that there is room for, in those of as many rows as a compliance may have: while a tool slides, one node in
+/// the place of another must not make all others to be solved for anew.
 const SETS: usize = 2;
 
 /// Unit rows of new nodes for each row that wants them, up to which nodes are solved for in the place of rows: others will

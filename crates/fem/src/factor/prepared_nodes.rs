@@ -80,8 +80,8 @@ impl ReachWorkspace {
         into.extend(latest.map(|(node, _)| *node).take(into.capacity()));
     }
 
-    /// Takes over half solves with `factor` that were prepared, and leaves the memory of its own in their place; nothing where
-    /// they are of another factor, or where it has some of this one.
+    /// Takes over half solves with `factor` that were prepared, and leaves the memory of its own in their place;
+    /// nothing where they are of another factor, or where it has some of this one.
     pub fn take_prepared(&mut self, factor: &Factor, prepared: &mut NodalCompliance) {
         let Some(nodal) = self.nodal.as_deref_mut().filter(|nodal| !nodal.is_of(factor)) else { return };
         if prepared.is_of(factor) && prepared.most_entries == nodal.most_entries {

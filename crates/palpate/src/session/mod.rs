@@ -4,8 +4,8 @@
 //! Session::open ── Ready ── start ── Running ⇄ Paused ── stop, or a body that fails ── Stopped, Failed
 //!                    port ticks: no force     force         no force       the force comes down, then none
 //! ```
-//! The tissue begins to move when the first tick has told where the tool is. The session owns the step, the factor stage and the trace; the driver owns the [`Port`] and ticks it in its own
-//! thread. Either may be dropped first.
+//! The tissue begins to move when the first tick has told where the tool is. The session owns the step, the factor
+//! stage and the trace; the driver owns the [`Port`] and ticks it in its own thread. Either may be dropped first.
 
 pub mod clock;
 mod config;
@@ -180,9 +180,10 @@ impl Session {
         live
     }
 
-    /// Changes the body while it runs: nodes released or held, elements removed. The changed body is made on the calling
-    /// thread, in some ten milliseconds per thousand nodes, while steps and ticks go on; the first step that begins
-    /// afterwards takes it, or where the scene has events the first after the last of them. Calls from several threads are done one after another. What happens, in words.
+    /// Changes the body while it runs: nodes released or held, elements removed. The changed body is made on the
+    /// calling thread, in some ten milliseconds per thousand nodes, while steps and ticks go on; the first step that
+    /// begins afterwards takes it, or where the scene has events the first after the last of them. Calls from several
+    /// threads are done one after another. What happens, in words.
     ///
     /// The trace keeps what was asked for and the step that took it, and a replay does it again.
     ///

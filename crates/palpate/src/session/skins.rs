@@ -6,7 +6,8 @@ use palpate_trace::Skin;
 
 use crate::world::{Change, World};
 
-/// Skins by phase ([`Shape::phase`](super::Shape)). Events are known from the start, changes from outside since they were made.
+/// Skins by phase ([`Shape::phase`](super::Shape)). Events are known from the start, changes from outside since they
+/// were made.
 #[derive(Debug)]
 pub struct Skins {
     by_phase: Mutex<Vec<Skin>>,

@@ -93,8 +93,8 @@ fn load_of_forces(ws: &mut StepWorkspace) {
     ws.load.iter_mut().for_each(|b| *b *= ws.dt);
 }
 
-/// How deep contacts overlap at the end of the step, where the motion is that in `ws.correction` or, where no force touches the
-/// body, the free one: a solver that gave up with no force leaves all of the overlap.
+/// How deep contacts overlap at the end of the step, where the motion is that in `ws.correction` or, where no force
+/// touches the body, the free one: a solver that gave up with no force leaves all of the overlap.
 pub(super) fn measure_overlap(world: &World, touched: bool, ws: &StepWorkspace, report: &mut StepReport) {
     if *world.integration() != Integration::BackwardEuler {
         return;
@@ -127,8 +127,9 @@ fn look(
     solve
 }
 
-/// `A Δv = h Hᵀ λ`, and what the free motion has left, by conjugate gradients from what is in `ws.correction`, to a relative residual or to the scene's where
-/// that is greater; with the step's own factor where the iterations do not suffice and there is one to be made.
+/// `A Δv = h Hᵀ λ`, and what the free motion has left, by conjugate gradients from what is in `ws.correction`, to a
+/// relative residual or to the scene's where that is greater; with the step's own factor where the iterations do not
+/// suffice and there is one to be made.
 pub(super) fn exact_motion(
     world: &World,
     factor: &FactorSample,

@@ -1,9 +1,9 @@
 //! The direct approaches of contact in a step: body and contacts solved together, without compliance.
 //!
-//! Free motion and `δ_free` are those of every step, so `w = v⁺ - v_free` is what a method finds, with `A w = h Hᵀ λ`. The
-//! compliance is still computed, from the latest factor: the tick works from it, and so does the scale of the residual. The
-//! residual itself is that of the gaps `δ_free + h H w`, which no approximation of `W` enters, or what is left of that balance,
-//! `|A w - h Hᵀ λ|` relative to the greater of the two, where that is more.
+//! Free motion and `δ_free` are those of every step, so `w = v⁺ - v_free` is what a method finds, with `A w = h Hᵀ λ`.
+//! The compliance is still computed, from the latest factor: the tick works from it, and so does the scale of the
+//! residual. The residual itself is that of the gaps `δ_free + h H w`, which no approximation of `W` enters, or what is
+//! left of that balance, `|A w - h Hᵀ λ|` relative to the greater of the two, where that is more.
 
 use palpate_constraints::rows::ContactRows;
 use palpate_fem::pcg::{PcgConfig, pcg};

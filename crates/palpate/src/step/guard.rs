@@ -91,8 +91,8 @@ fn tears(world: &World) -> bool {
     tissues.into_iter().any(|tissue| !SMOOTH.contains(&tissue.law.name()))
 }
 
-/// Shortens `ws.v_free` where the potential would grow, and repeats it where tissue is in trouble; counts both. Returns whether
-/// the tissue may have passed through itself meanwhile.
+/// Shortens `ws.v_free` where the potential would grow, and repeats it where tissue is in trouble; counts both. Returns
+/// whether the tissue may have passed through itself meanwhile.
 pub(super) fn guard(world: &World, state: &StepState, ws: &mut StepWorkspace, report: &mut StepReport) -> bool {
     let h = ws.dt;
     let farthest = ws.v_free.chunks_exact(3).map(|v| h * Vector3::new(v[0], v[1], v[2]).norm()).fold(0.0, f64::max);

@@ -10,12 +10,12 @@
 //! v+ = v + dv + h A⁻¹ Hᵀ lambda, q+ = q + h v+
 //! ```
 //!
-//! By Newton's method motion and forces are repeated until the nonlinear balance holds, and `A` is that of its end. Explicitly,
-//! the whole step is repeated in substeps with `A` the lumped mass; the tick then gets the compliance of a substep, which
-//! is that of the touched nodes alone and stiffer than the tissue's.
+//! By Newton's method motion and forces are repeated until the nonlinear balance holds, and `A` is that of its end.
+//! Explicitly, the whole step is repeated in substeps with `A` the lumped mass; the tick then gets the compliance of a
+//! substep, which is that of the touched nodes alone and stiffer than the tissue's.
 //!
-//! The direct approaches ([`ContactMethod`](crate::scene::ContactMethod)) put one solve over body and contacts in the place of
-//! solve and correction; everything else, with the compliance for the tick, stays.
+//! The direct approaches ([`ContactMethod`](crate::scene::ContactMethod)) put one solve over body and contacts in the
+//! place of solve and correction; everything else, with the compliance for the tick, stays.
 //!
 //! Contacts are found at the configuration of the step's begin, where the last correction left the skin outside the
 //! tool; `q_free` would show the tool deep in tissue that has already sprung back.
@@ -100,8 +100,9 @@ pub struct StepInput<'a> {
 /// Advances the body by one step and fills the snapshot for the tick. Where the scene has events, [`pass_events`] comes
 /// first.
 ///
-/// Allocates nothing, whatever happens, unless contact is by Lagrange multipliers at other nodes than before. A body that turns non-finite or is torn
-/// apart is put back to the state before the step, at rest, and the report and the snapshot say so.
+/// Allocates nothing, whatever happens, unless contact is by Lagrange multipliers at other nodes than before. A body
+/// that turns non-finite or is torn apart is put back to the state before the step, at rest, and the report and the
+/// snapshot say so.
 pub fn step(
     world: &World,
     input: &StepInput<'_>,
@@ -187,8 +188,8 @@ fn contact(
 }
 
 /// Explicit substeps, each with its own contact, the tool on its way from its last pose to the new one. The report's
-/// force and torque are means over the substeps, its residual and gap the worst, its iterations and times sums; it is solved where
-/// all of them are.
+/// force and torque are means over the substeps, its residual and gap the worst, its iterations and times sums; it is
+/// solved where all of them are.
 fn explicit(
     world: &World,
     input: &StepInput<'_>,

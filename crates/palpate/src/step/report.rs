@@ -68,11 +68,13 @@ pub struct StepReport {
     /// Assembly of forces and matrix; the worst of the forces of all explicit substeps.
     pub assembly: AssemblyReport,
     /// Linear solves of the free motion: conjugate gradients, or Newton's iterations with the residual that they leave.
-    /// None for explicit substeps. Where an exact correction went on with what they left, their residual may be a thousand
-    /// times the scene's tolerance, and that of the whole motion is [`ComplianceError::correction_residual`](super::ComplianceError::correction_residual).
+    /// None for explicit substeps. Where an exact correction went on with what they left, their residual may be a
+    /// thousand times the scene's tolerance, and that of the whole motion is
+    /// [`ComplianceError::correction_residual`](super::ComplianceError::correction_residual).
     pub free_motion: PcgReport,
-    /// Solves with the latest factor, in free motion, correction and hand-over, that went by its stored values: its copy in 16
-    /// bits was refused, or their numbers have left the range of it. They are as good, and take twice as long and more.
+    /// Solves with the latest factor, in free motion, correction and hand-over, that went by its stored values: its
+    /// copy in 16 bits was refused, or their numbers have left the range of it. They are as good, and take twice as
+    /// long and more.
     pub in_full: u32,
     /// Halvings of the motion: by the guard of the linearised step, or by the line search of Newton's method.
     pub cuts: u32,

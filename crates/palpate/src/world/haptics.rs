@@ -95,8 +95,8 @@ pub(super) fn late_hand_over(scene: &SceneDescription) -> Option<String> {
 }
 
 impl World {
-    /// Time (s) over which a tick goes over from one step's shape to the next's: what the scene states, and at most a third of
-    /// its step. A time that is over within a tick is none.
+    /// Time (s) over which a tick goes over from one step's shape to the next's: what the scene states, and at most a
+    /// third of its step. A time that is over within a tick is none.
     pub fn hand_over(&self) -> f64 {
         self.description().tick.hand_over.min(self.dt() * HAND_OVER)
     }

@@ -26,8 +26,8 @@ impl Corrections {
         self.least = f64::INFINITY;
     }
 
-    /// Takes note of the residual that a program led to. Where it has risen, contacts have changed between slip and stick, and
-    /// what was learned misleads.
+    /// Takes note of the residual that a program led to. Where it has risen, contacts have changed between slip and
+    /// stick, and what was learned misleads.
     pub(crate) fn note(&mut self, residual: f64) {
         if residual > self.least {
             self.anderson.restart();

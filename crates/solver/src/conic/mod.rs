@@ -10,8 +10,8 @@
 //! so that the solver sees numbers of order one. A program needs a symmetric matrix: it gets the symmetric part of `W`, and
 //! what the other part makes of the forces so far is added to `delta_free` (single precision files are asymmetric by 1e-6).
 //!
-//! Programs are kept by their structure, which is the sequence of the blocks' cones: one that was solved lately, with whatever
-//! numbers, is solved again without allocation.
+//! Programs are kept by their structure, which is the sequence of the blocks' cones: one that was solved lately, with
+//! whatever numbers, is solved again without allocation.
 
 mod cones;
 mod corrections;

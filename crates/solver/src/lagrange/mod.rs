@@ -1,14 +1,15 @@
-//! Lagrange multipliers over the whole body, the second of the lecture's direct approaches: one program of motion and contact,
-//! without compliance.
+//! Lagrange multipliers over the whole body, the second of the lecture's direct approaches: one program of motion and
+//! contact, without compliance.
 //!
 //! ```text
 //! minimise 1/2 wᵀ A w   with   δ = δ_free + h H w   and   (δ_n + s, δ_t) in the dual of each force cone
 //! its multipliers are the forces:  A w = h Hᵀ λ ,  λ in the cone ,  (δ_n + s) λ_n + δ_t · λ_t = 0
 //! ```
 //!
-//! `w = v⁺ - v_free` (m/s), so that `δ_free` says what the right side of the body's own system would. Without friction this is
-//! one quadratic program. With friction the cones are `δ_n + s >= μ |δ_t|`, and `s = μ |δ_t|` (De Saxcé's correction) is
-//! iterated outside as in [`crate::conic_friction`], which is the same sequence of programs after `w` has been eliminated.
+//! `w = v⁺ - v_free` (m/s), so that `δ_free` says what the right side of the body's own system would. Without friction
+//! this is one quadratic program. With friction the cones are `δ_n + s >= μ |δ_t|`, and `s = μ |δ_t|` (De Saxcé's
+//! correction) is iterated outside as in [`crate::conic_friction`], which is the same sequence of programs after `w`
+//! has been eliminated.
 //!
 //! Clarabel's interior-point method factors the sparse system of body and contacts anew in every iteration: a body of 1,000
 //! nodes costs tenths of a second a program, one of 10,000 nodes minutes. It starts every program from its own point. A
@@ -58,8 +59,8 @@ impl Default for LagrangeConfig {
     }
 }
 
-/// Memory of the method: the program that was laid out last, whose order and memory serve as long as body and contacts have the
-/// entries that they had, and vectors.
+/// Memory of the method: the program that was laid out last, whose order and memory serve as long as body and contacts
+/// have the entries that they had, and vectors.
 #[derive(Default)]
 pub struct LagrangeWorkspace {
     kept: KeptProgram,
@@ -77,9 +78,9 @@ impl std::fmt::Debug for LagrangeWorkspace {
 
 /// Solves for the motion `w` (m/s) that contact adds, and its forces (N): finite and admissible whatever the status.
 ///
-/// Takes laws whose forces are all, not negative, or in a second-order cone; others end as [`SolveStatus::Unsupported`].
-/// The report counts interior-point iterations: factorisations of the system of body and contacts. Allocates where the entries of
-/// `A` or of `H` or the cones are not those of the last call.
+/// Takes laws whose forces are all, not negative, or in a second-order cone; others end as
+/// [`SolveStatus::Unsupported`]. The report counts interior-point iterations: factorisations of the system of body and
+/// contacts. Allocates where the entries of `A` or of `H` or the cones are not those of the last call.
 pub fn solve(
     problem: &LagrangeProblem<'_>,
     config: &LagrangeConfig,

@@ -1,13 +1,15 @@
 //! Problems of the Frictional Contact Library (HDF5), read only.
 //!
-//! Layout after `fclib.h` and `fclib.c` of FCLIB 3 (<https://github.com/FrictionalContactLibrary/fclib>): `/fclib_local` holds
-//! `spacedim` (3), the matrix `W`, and `vectors/q` and `vectors/mu`; `/solution/r` and `/guesses/1/r` hold forces where there
-//! are any. A matrix is a group of `m`, `n`, `nzmax`, `nz`, `p`, `i` and `x`: `nz` entries as triplets (rows in `p`, columns in
-//! `i`), compressed columns where `nz` is -1, compressed rows where it is -2. `q` is our `delta_free`, `W` our `W`, the normal
-//! row comes first in each contact, as in the text files of Siconos. Values may be of any unit.
+//! Layout after `fclib.h` and `fclib.c` of FCLIB 3 (<https://github.com/FrictionalContactLibrary/fclib>):
+//! `/fclib_local` holds `spacedim` (3), the matrix `W`, and `vectors/q` and `vectors/mu`; `/solution/r` and
+//! `/guesses/1/r` hold forces where there are any. A matrix is a group of `m`, `n`, `nzmax`, `nz`, `p`, `i` and `x`:
+//! `nz` entries as triplets (rows in `p`, columns in `i`), compressed columns where `nz` is -1, compressed rows where
+//! it is -2. `q` is our `delta_free`, `W` our `W`, the normal row comes first in each contact, as in the text files of
+//! Siconos. Values may be of any unit.
 //!
-//! Not read: plane problems, and `V` and `R` (bilateral rows beside `W`). Global problems (`/fclib_global`) hold no `W`, and writers disagree on
-//! which of `p` and `i` of the triplets of their unsymmetric `H` are the rows; condense them to a local one first.
+//! Not read: plane problems, and `V` and `R` (bilateral rows beside `W`). Global problems (`/fclib_global`) hold no
+//! `W`, and writers disagree on which of `p` and `i` of the triplets of their unsymmetric `H` are the rows; condense
+//! them to a local one first.
 
 use super::{Forces, MAX_ROWS, ProblemFileError};
 use crate::problem::ConstraintProblem;

@@ -1,5 +1,5 @@
-//! Solvers of contact: performance profiles over a set of problems, residual against time, times that the tick asks for, and the
-//! three contact methods on one scene.
+//! Solvers of contact: performance profiles over a set of problems, residual against time, times that the tick asks
+//! for, and the three contact methods on one scene.
 
 mod methods;
 mod problems;

@@ -4,9 +4,10 @@
 //! normal:   δ_free = gap(t) + J (X_predicted − X_step)                                                  m
 //! tangents: δ_free = (u(t) − u₋) + J (X_predicted − X₋) + slip + J (X' − X_step) led
 //! ```
-//! with u(t) the coordinates without the forces of the tick, as nodes have them ([`super::creep`]), u₋ and X₋ coordinates and tool at the end of the tick before, X' the
-//! tool when the snapshot came. A wall stays where it is, so what is remembered of sticking at one begins anew at the end of
-//! each step, and only the tool's way since then is left to be led.
+//! with u(t) the coordinates without the forces of the tick, as nodes have them ([`super::creep`]), u₋ and X₋
+//! coordinates and tool at the end of the tick before, X' the tool when the snapshot came. A wall stays where it is, so
+//! what is remembered of sticking at one begins anew at the end of each step, and only the tool's way since then is
+//! left to be led.
 
 use nalgebra::{Matrix3, Vector3};
 use palpate_collision::ToolPose;

@@ -7,8 +7,8 @@ use crate::coupling::Coupling;
 use crate::patch::HapticPatch;
 
 impl Rows {
-    /// W \[m/N\] by `yields` of the patch's compliance, by columns without padding, with the compliances of the tool's pose and of its opening \[rad/(N m)\]. False
-    /// where a number is not finite.
+    /// W \[m/N\] by `yields` of the patch's compliance, by columns without padding, with the compliances of the tool's
+    /// pose and of its opening \[rad/(N m)\]. False where a number is not finite.
     pub(super) fn compliance_into(
         &self,
         patch: &HapticPatch,

@@ -1,23 +1,24 @@
 //! How a place of the patch creeps to where a force holds it.
 //!
-//! Tissue with the damping D = βK has, where its mass is not felt, the equation K (w + β w') = f for the way w that it has gone
-//! under a force f, inside as at its skin. A step of backward Euler of length h knows it as `C f`, C = (1 + β/h)⁻¹ K⁻¹.
+//! Tissue with the damping D = βK has, where its mass is not felt, the equation K (w + β w') = f for the way w that it
+//! has gone under a force f, inside as at its skin. A step of backward Euler of length h knows it as `C f`, C = (1 +
+//! β/h)⁻¹ K⁻¹.
 //!
-//! A damper alone would answer a tool that comes by steps, as an encoder has it, with forces without bound. So a part σ of K⁻¹
-//! yields at once (three elements: Zener), such that a held touch relaxes in a time τ:
+//! A damper alone would answer a tool that comes by steps, as an encoder has it, with forces without bound. So a part σ
+//! of K⁻¹ yields at once (three elements: Zener), such that a held touch relaxes in a time τ:
 //! ```text
 //! x = q_end + d t/h + w
 //! w + β' w' = g + σ β' g'
 //! g = (1 + β/h) (q_free - q_end + e + C f) + o s(t)                                 m
 //! β' = β + τ (1 + β/h),   σ = τ/β'
 //! ```
-//! and a tick of length T takes it by backward Euler too: `w = ϑ w₋ + (1 - ϑ) g + ϑ σ (g - g₋)`, ϑ = β'/(β' + T). Its compliance
-//! is `(1 - ϑ + ϑ σ)(1 + β/h) C`: C itself for a tick as long as the step, and less for a shorter one, in which D holds more
-//! against, down to C/(1 + 1/(τ/β + τ/h)). Two springs and a damper give nothing out that they did not take in. Without
-//! viscosity, β = 0, x = q_free + d t/h + C f + o s.
+//! and a tick of length T takes it by backward Euler too: `w = ϑ w₋ + (1 - ϑ) g + ϑ σ (g - g₋)`, ϑ = β'/(β' + T). Its
+//! compliance is `(1 - ϑ + ϑ σ)(1 + β/h) C`: C itself for a tick as long as the step, and less for a shorter one, in
+//! which D holds more against, down to C/(1 + 1/(τ/β + τ/h)). Two springs and a damper give nothing out that they did
+//! not take in. Without viscosity, β = 0, x = q_free + d t/h + C f + o s.
 //!
-//! Tissue that has been touched for a while moves with the tool already, and d + e knows of it. So only a share a of β counts,
-//! which falls to 0 as the touch grows older: `a β` stands for β then, `d + (1 - a) e` for d, and `a e` for e.
+//! Tissue that has been touched for a while moves with the tool already, and d + e knows of it. So only a share a of β
+//! counts, which falls to 0 as the touch grows older: `a β` stands for β then, `d + (1 - a) e` for d, and `a e` for e.
 //!
 //! d and e are the patch's drift and its flow, o s(t) is what is handed over from the snapshot before.
 
@@ -47,8 +48,8 @@ impl Place {
     }
 }
 
-/// Relaxation time of a force on a place that is held \[s\]: a device knows its place by steps, of which a damper alone would make
-/// forces without bound.
+/// Relaxation time of a force on a place that is held \[s\]: a device knows its place by steps, of which a damper alone
+/// would make forces without bound.
 const RELAXES: f64 = 3e-3;
 
 /// Age of a touch up to which the tissue creeps, and the time that it takes to cease \[s\].
@@ -179,8 +180,8 @@ impl Creep {
         place.end + now.drift(place) * now.drifted + self.way
     }
 
-    /// Begins on a new snapshot at `shape`, and where it creeps as fast as it has been, under the forces of the tick before: these
-    /// move the place by `moved` = C f.
+    /// Begins on a new snapshot at `shape`, and where it creeps as fast as it has been, under the forces of the tick
+    /// before: these move the place by `moved` = C f.
     pub(super) fn take_over(&mut self, place: &Place, now: &Moment, shape: &Vector3<f64>, moved: &Vector3<f64>) {
         self.way = shape - place.end;
         self.goal = self.way + (self.rate - now.drift(place) * now.drifts) * now.law.lag;

@@ -18,8 +18,8 @@ pub(super) struct Known {
     pub(super) owed: Owed,
 }
 
-/// What the sweeps had left of a contact when the snapshot came \[m\], and what is asked for again as s falls: the new snapshot yields otherwise
-/// than the old, and would let out at once what had gathered.
+/// What the sweeps had left of a contact when the snapshot came \[m\], and what is asked for again as s falls: the new
+/// snapshot yields otherwise than the old, and would let out at once what had gathered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Owed {
     pub(super) gap: f64,
@@ -30,7 +30,8 @@ pub(super) struct Owed {
 impl Owed {
     pub(super) const NONE: Self = Self { gap: 0.0, slip: Vector3::new(0.0, 0.0, 0.0) };
 
-    /// A new snapshot comes when s of the one before is `fade`: what was owed is so with what has been left since, and no slip is asked for at once.
+    /// A new snapshot comes when s of the one before is `fade`: what was owed is so with what has been left since, and
+    /// no slip is asked for at once.
     pub(super) fn defer(&mut self, fade: f64, rest: f64, slip: &mut Vector3<f64>) {
         let owed = Self { gap: self.gap * fade + rest, slip: self.slip * fade + *slip };
         *self = if owed.gap.is_finite() && all_finite(&owed.slip) { owed } else { Self::NONE };

@@ -1,26 +1,27 @@
 //! What a tick on a patch remembers: the shape and the forces of its end, by the names of nodes and features.
 //!
-//! When a new snapshot comes, forces stay and the shape goes on from where it was and as fast as it was ([`super::creep`]): an offset o
-//! is what would else be another shape or another velocity, and it fades,
+//! When a new snapshot comes, forces stay and the shape goes on from where it was and as fast as it was
+//! ([`super::creep`]): an offset o is what would else be another shape or another velocity, and it fades,
 //! ```text
 //! o s(t),   s falls from 1 to 0 within `hand_over`
 //! ```
-//! so at the first tick of a snapshot shape and forces solve the new problem as they solved the old, whatever changed in
-//! q_free *and* in C, and what the new snapshot knows better comes in over a stated time. A time that is over within a tick is
-//! none: s is 0 at once, for where each tick has its own snapshot nothing else would ever come in. A node that is new to the patch
-//! starts at its place, without force; in a patch that nothing is remembered of, with the force that the step found. The
-//! drift d ends where the next step should have come, and so does what it can do in a run whose steps are late.
+//! so at the first tick of a snapshot shape and forces solve the new problem as they solved the old, whatever changed
+//! in q_free *and* in C, and what the new snapshot knows better comes in over a stated time. A time that is over within
+//! a tick is none: s is 0 at once, for where each tick has its own snapshot nothing else would ever come in. A node
+//! that is new to the patch starts at its place, without force; in a patch that nothing is remembered of, with the
+//! force that the step found. The drift d ends where the next step should have come, and so does what it can do in a
+//! run whose steps are late.
 //!
 //! A snapshot is of the tool in the tick before, so the first tick of it is one tick, T, on its way.
 //!
-//! Where friction holds, step and tick each remember how the tissue lies on the tool, and what they remember drifts apart:
-//! ticks slide on between two steps, and steps hold what they find at their begin. The step's tissue lives on, so it is right:
-//! with X and q_end tool and shape at the step's end, X' and x the same at the end of the tick before,
+//! Where friction holds, step and tick each remember how the tissue lies on the tool, and what they remember drifts
+//! apart: ticks slide on between two steps, and steps hold what they find at their begin. The step's tissue lives on,
+//! so it is right: with X and q_end tool and shape at the step's end, X' and x the same at the end of the tick before,
 //! ```text
 //! d = (x − q_end) − (X' − X) p,     p the place of the contact on the tool
 //! ```
-//! a contact that stuck when the step looked at the tool, and since, is led by `-d` along its tangents as s falls. Then a tool
-//! that is where the step had it feels the friction that the step found.
+//! a contact that stuck when the step looked at the tool, and since, is led by `-d` along its tangents as s falls. Then
+//! a tool that is where the step had it feels the friction that the step found.
 
 use nalgebra::{Isometry3, Vector3};
 use palpate_collision::ToolPose;
@@ -127,8 +128,8 @@ impl PatchMemory {
 
     /// Makes the memory belong to the patch of a new snapshot. At most `nodes²` comparisons and one product with C.
     ///
-    /// `tool` is that of the step, `step` and `tick` are h and T \[s\]. Tissue creeps from snapshot to snapshot: not where nothing
-    /// is handed over.
+    /// `tool` is that of the step, `step` and `tick` are h and T \[s\]. Tissue creeps from snapshot to snapshot: not
+    /// where nothing is handed over.
     pub(in crate::tick) fn take_over(
         &mut self,
         patch: &HapticPatch,
@@ -254,7 +255,8 @@ impl PatchMemory {
         self.contacts.binary_search_by_key(&feature, |known| known.feature).ok().and_then(|k| self.contacts.get(k))
     }
 
-    /// What the ticks before left of a sticking contact's displacement \[m\], the snapshots that came while it stuck, and what is owed.
+    /// What the ticks before left of a sticking contact's displacement \[m\], the snapshots that came while it stuck,
+    /// and what is owed.
     pub(super) fn slip(&self, feature: u64) -> (Vector3<f64>, u32, Owed) {
         self.known(feature).map_or((ZERO, 0, Owed::NONE), |known| (known.slip, known.stuck, known.owed))
     }

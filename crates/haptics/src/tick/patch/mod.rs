@@ -1,8 +1,9 @@
 //! The local problem of a tick on a patch of tissue: contacts at the newest pose, their rows, forces, wrench.
 //!
-//! Let x = q + k C f be the shape under the forces of the tick before, q that without, k the share of the step's compliance
-//! that shows within a tick ([`creep`]), y = q + r a place that follows it (r goes 0.3 of its way to k C f in each tick), and X the tool as the coupling would hold it if the force stayed. Contacts are
-//! found between y and X, and everything is linearised there:
+//! Let x = q + k C f be the shape under the forces of the tick before, q that without, k the share of the step's
+//! compliance that shows within a tick ([`creep`]), y = q + r a place that follows it (r goes 0.3 of its way to k C f
+//! in each tick), and X the tool as the coupling would hold it if the force stayed. Contacts are found between y and X,
+//! and everything is linearised there:
 //! ```text
 //! W      = B (k C + c) Bᵀ  (+ c_rot)          m/N     B: the rows' directions on the nodes; c: the coupling's compliance
 //! normal:   δ_free = gap(y, X) − n · r + J (X_predicted − X)                           m
@@ -49,8 +50,8 @@ use jaws::Jaws;
 pub(super) use memory::PatchMemory;
 use rows::Rows;
 
-/// Gap \[m\] up to which a feature of the patch is a contact of the tick. Deep in coarse skin, contacts that let go move it by
-/// a millimetre: what would then touch must be in the problem, or the ticks go round among sets of contacts.
+/// Gap \[m\] up to which a feature of the patch is a contact of the tick. Deep in coarse skin, contacts that let go
+/// move it by a millimetre: what would then touch must be in the problem, or the ticks go round among sets of contacts.
 const NEAR: f64 = 2e-3;
 
 /// Unknowns of a step of Newton: more have no room, and are more than a tick has time for.

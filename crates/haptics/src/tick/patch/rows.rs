@@ -34,8 +34,8 @@ pub(super) struct Row {
     pub(super) lever: Vector3<f64>,
     /// Velocity of the tool's point per rad that the jaws open \[m\].
     pub(super) opens: Vector3<f64>,
-    /// Force on tissue or body \[N\], the same in the axes of its places, and, where it sticks, what is left of its displacement
-    /// along the tangents \[m\].
+    /// Force on tissue or body \[N\], the same in the axes of its places, and, where it sticks, what is left of its
+    /// displacement along the tangents \[m\].
     pub(super) force: Vector3<f64>,
     pub(super) load: Vector3<f64>,
     pub(super) slip: Vector3<f64>,

@@ -11,8 +11,8 @@ use super::super::parse::Source;
 use super::Checked;
 use super::number::{at_least_one, not_negative, positive};
 
-/// Largest stiffness (N/m) of a penalty. The rounding of a gap times a stiffness ten times as large is a force that the motion of
-/// soft tissue does not balance in every step, at a hundred times it is of tens of newtons.
+/// Largest stiffness (N/m) of a penalty. The rounding of a gap times a stiffness ten times as large is a force that the
+/// motion of soft tissue does not balance in every step, at a hundred times it is of tens of newtons.
 const STIFFEST: f64 = 1e11;
 
 /// The same as a multiple of the body's own stiffness at a contact, some tens to thousands of N/m.
