@@ -2,8 +2,7 @@
 //! out of its reach.
 //!
 //! A patch holds triangles and nodes with numbers of its own and the names that they have on the whole surface, so that a
-//! contact has the same feature on either. Its normals are those of the whole surface, of which a patch would lack the
-//! triangles at its rim.
+//! contact has the same feature on either. Its normals are the whole surface's: a patch lacks triangles at its rim.
 
 use nalgebra::{Isometry3, Vector3};
 
@@ -16,6 +15,7 @@ use crate::tool::{MAX_PARTS, PlacedPart, Tool, ToolPose};
 use crate::triangle::closest_on_triangle;
 
 mod gathering;
+pub mod renumbering;
 
 pub use gathering::{PatchConfig, PatchGathering, PatchReport};
 

@@ -47,6 +47,11 @@ impl Tick {
         let new = snapshot.valid && state.step != Some(snapshot.step);
         if new {
             flags.set(TickFlags::NEW_SNAPSHOT);
+            if std::mem::replace(&mut state.numbering, snapshot.numbering) != snapshot.numbering {
+                // Frozen rows begin anew from the forces of the step, which has found them by the new names.
+                state.warm_start.clear();
+                state.patch.iter_mut().for_each(|memory| memory.renumber(snapshot.patch.skin()));
+            }
             state.warm_start.take_over(snapshot);
             state.jump.take_over();
             state.step = Some(snapshot.step);

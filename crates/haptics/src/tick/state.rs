@@ -23,6 +23,8 @@ pub struct TickState {
     pub(super) patch: Option<PatchMemory>,
     /// The step whose snapshot is in use.
     pub(super) step: Option<u64>,
+    /// How that snapshot numbers features.
+    pub(super) numbering: u32,
     pub(super) age: f64,
     /// Ticks in a row that came within no time.
     pub(super) in_no_time: u32,
@@ -47,6 +49,7 @@ impl TickState {
             warm_start: WarmStart::new(max_contacts),
             patch: None,
             step: None,
+            numbering: 0,
             age: f64::INFINITY,
             in_no_time: 0,
             outgoing: None,
