@@ -141,7 +141,7 @@ fn a_pose_that_is_none_gives_an_empty_patch() {
 #[test]
 fn a_feature_is_found_by_its_nodes_after_edges_and_triangles_are_numbered_anew() {
     let (surface, positions) = standard_block();
-    // Triangles in reverse, begun at another corner; and of every three one alone.
+    // Triangles in reverse, begun at another corner; and one of every three alone.
     let turned = surface.triangles().iter().rev().map(|&[a, b, c]| [b, c, a]);
     let other = SurfaceGeometry::new(turned.collect(), &positions).unwrap();
     let left = surface.triangles().iter().enumerate().filter(|(k, _)| k % 3 == 0).map(|(_, t)| *t);
