@@ -8,11 +8,10 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 use palpate_haptics::exchange::Sender;
 
-use crate::pace::Pacer;
+use crate::pace::{NAP, Pacer};
 use crate::record::FactorLine;
 use crate::refresh::{Refresh, RefreshReport};
 
@@ -69,7 +68,8 @@ fn refresh_loop(
             }
             match refresh.refresh(|| pacer.time()) {
                 Some(report) => break report,
-                None => std::thread::sleep(Duration::from_millis(1)),
+                // The step that has a matrix wakes it.
+                None => std::thread::park_timeout(NAP),
             }
         };
         trace.push(&report, true);
@@ -135,5 +135,33 @@ mod tests {
         assert!(ticks.iter().all(|tick| tick.record.wrench.force.iter().all(|f| f.is_finite())));
         assert!(ticks.iter().any(|tick| tick.record.time > died && tick.record.wrench.force.norm() > 0.05));
         assert!(replay(&path).unwrap().is_identical());
+    }
+
+    #[test]
+    fn a_matrix_that_arrives_wakes_the_thread_that_waits_for_it() {
+        let world = slide(1.0);
+        let Engine { mut stage, refresh, .. } = Engine::new(&world, &RunOptions::default()).unwrap();
+        let mut refresh = refresh.unwrap();
+        std::thread::scope(|scope| {
+            let waiting = scope.spawn(move || {
+                refresh.wake_here();
+                refresh.want();
+                std::iter::repeat_with(|| {
+                    refresh.refresh(|| 0.0).or_else(|| {
+                        std::thread::park();
+                        None
+                    })
+                })
+                .flatten()
+                .next()
+            });
+            // The first step after it has asked has the matrix; some seconds of them, where it never wakes.
+            let woken = (0..5000).any(|step| {
+                stage.advance(f64::from(step) / 30.0);
+                waiting.is_finished()
+            });
+            waiting.thread().unpark();
+            assert!(woken && waiting.join().unwrap().is_some_and(|report| report.epoch == 1));
+        });
     }
 }

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Longest sleep without a look at the end: a thread of any rate ends within it.
-const NAP: Duration = Duration::from_millis(50);
+pub(crate) const NAP: Duration = Duration::from_millis(50);
 
 /// Whole nanoseconds as seconds. Real time is counted in them so that a trace, which holds them, gives the same bits.
 pub(crate) fn seconds(nanoseconds: u64) -> f64 {

@@ -193,8 +193,8 @@ impl RefreshPort {
         }
     }
 
-    /// Hands the matrix of a step over if the factor stage waits for one; copies it only then. The factor will come with half
-    /// solves of the free `nodes`, as far as there is room for them.
+    /// Hands the matrix of a step over if the factor stage waits for one, and wakes its thread; copies it only then. The factor
+    /// will come with half solves of the free `nodes`, as far as there is room for them.
     pub fn offer(&mut self, step: u64, time: f64, at: &FemState, system: &SystemMatrix, nodes: &[u32]) {
         let Link::Stage { matrices, signals, .. } = &mut self.link else { return };
         if !signals.wanted.swap(false, Ordering::AcqRel) {
@@ -212,21 +212,22 @@ impl RefreshPort {
         sample.nodes.extend(nodes.iter().take(sample.nodes.capacity()));
         sample.system.blocks.copy_from_slice(&system.blocks);
         matrices.publish();
+        if let Some(thread) = signals.thread.get() {
+            thread.unpark();
+        }
     }
 
-    /// As [`Self::offer`], before the factor stage asks, and wakes its thread. False where it is at work already.
+    /// As [`Self::offer`], before the factor stage asks. False where it is at work already.
     pub fn urge(&mut self, step: u64, time: f64, at: &FemState, system: &SystemMatrix, nodes: &[u32]) -> bool {
         let Link::Stage { signals, .. } = &self.link else { return false };
         let signals = Arc::clone(signals);
         if signals.busy.swap(true, Ordering::AcqRel) {
             return false;
         }
+        // Before the matrix is there, so that the refresh of it takes it for the early one.
+        signals.urged.store(true, Ordering::Release);
         signals.wanted.store(true, Ordering::Release);
         self.offer(step, time, at, system, nodes);
-        signals.urged.store(true, Ordering::Release);
-        if let Some(thread) = signals.thread.get() {
-            thread.unpark();
-        }
         true
     }
 }
