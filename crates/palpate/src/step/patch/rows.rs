@@ -65,7 +65,7 @@ fn push(rows: &mut ContactRows, from: &ContactRows, r: usize) {
 }
 
 /// The tool's part of a row that it does not touch, and a gap: compliance asks for neither.
-fn push_no_tool(rows: &mut ContactRows) {
+pub(super) fn push_no_tool(rows: &mut ContactRows) {
     rows.tool.push(ToolRow { force: Vector3::zeros(), torque: Vector3::zeros() });
     rows.delta_free.push(0.0);
 }
