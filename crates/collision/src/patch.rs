@@ -2,11 +2,11 @@
 //! out of its reach.
 //!
 //! A patch holds triangles and nodes with numbers of its own and the names that they have on the whole surface, so that a
-//! contact has the same feature on either. Its normals are those of the whole surface, of which a patch would lack the
-//! triangles at its rim.
+//! contact has the same feature on either. Its normals are the whole surface's: a patch lacks triangles at its rim.
 
 mod detection;
 mod gathering;
+pub mod renumbering;
 
 use nalgebra::Vector3;
 
