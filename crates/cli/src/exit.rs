@@ -21,8 +21,17 @@ pub(crate) const NOT_SOLVED: u8 = 6;
 /// No static equilibrium was found under the whole load.
 pub(crate) const NO_EQUILIBRIUM: u8 = 7;
 
-/// Ended by Ctrl-C; the trace is complete up to there. What a shell reports for a program that SIGINT ended.
-pub(crate) const INTERRUPTED: u8 = 130;
+/// Above this the number of the signal that ended the work, as a shell reports it for a program that a signal ended.
+pub(crate) const SIGNALLED: u8 = 128;
+
+/// Ended by HUP, as where the terminal was closed; everything was written up to there.
+pub(crate) const HUNG_UP: u8 = SIGNALLED + 1;
+
+/// Ended by Ctrl-C; everything was written up to there.
+pub(crate) const INTERRUPTED: u8 = SIGNALLED + 2;
+
+/// Ended by TERM; everything was written up to there.
+pub(crate) const TERMINATED: u8 = SIGNALLED + 15;
 
 /// The codes as text.
 pub(crate) const HELP: &str = "Exit codes:
@@ -34,7 +43,9 @@ pub(crate) const HELP: &str = "Exit codes:
     5  a mesh can be read but not simulated
     6  a contact problem was not solved to the tolerance
     7  no static equilibrium was found under the whole load
-  130  ended by Ctrl-C, TERM or HUP; everything was written up to there";
+  129  ended by HUP; everything was written up to there, as for the next two
+  130  ended by Ctrl-C (INT)
+  143  ended by TERM";
 
 #[cfg(test)]
 mod tests {
@@ -42,7 +53,8 @@ mod tests {
 
     #[test]
     fn every_code_is_in_the_help_once() {
-        let codes = [0, FILE_LOST, MISTAKE, BODY_FAILED, DIFFERENT, UNUSABLE, NOT_SOLVED, NO_EQUILIBRIUM, INTERRUPTED];
+        let codes = [0, FILE_LOST, MISTAKE, BODY_FAILED, DIFFERENT, UNUSABLE, NOT_SOLVED, NO_EQUILIBRIUM];
+        let codes: Vec<_> = codes.into_iter().chain([HUNG_UP, INTERRUPTED, TERMINATED]).collect();
         let listed: Vec<u8> = HELP.lines().skip(1).filter_map(|l| l.split_whitespace().next()?.parse().ok()).collect();
         assert_eq!(listed, codes);
     }

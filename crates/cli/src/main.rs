@@ -11,6 +11,7 @@ mod progress;
 mod screen;
 mod solver_table;
 mod step_table;
+mod stop;
 mod table;
 
 use std::io::IsTerminal;

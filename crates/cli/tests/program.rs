@@ -184,15 +184,15 @@ mod interrupt {
         }
     }
 
-    fn interrupt(arguments: &str) {
+    fn interrupt(arguments: &str, signal: &str, code: i32) {
         let place = Place::new();
         let mut command = place.command(&format!("run scene.toml --seconds 100000 --csv steps.csv --json {arguments}"));
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         begun(&place, &mut child);
-        let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        let killed = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
         assert!(killed.success());
         let run = program_runs::Outcome::new(child.wait_with_output().unwrap());
-        assert_eq!(run.code, Some(130), "{run:?}");
+        assert_eq!(run.code, Some(code), "{run:?}");
         let summary: Value = serde_json::from_str(&run.out).unwrap();
         assert_eq!(summary["end"], "interrupted");
 
@@ -223,13 +223,31 @@ mod interrupt {
         }
     }
 
+    /// Known on Linux.
+    fn hup_is_ignored() -> bool {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap_or("0").trim();
+        u64::from_str_radix(mask, 16).unwrap() & 1 == 1
+    }
+
     #[test]
     fn in_real_time() {
-        interrupt("");
+        interrupt("", "-INT", 130);
     }
 
     #[test]
     fn in_lockstep() {
-        interrupt("--lockstep");
+        interrupt("--lockstep", "-INT", 130);
+    }
+
+    /// The exit code is what a shell reports for the signal.
+    #[test]
+    fn by_another_signal() {
+        interrupt("", "-TERM", 143);
+        if hup_is_ignored() {
+            println!("skipped: HUP is ignored here, as under nohup, and so it is by programs that are started");
+            return;
+        }
+        interrupt("", "-HUP", 129);
     }
 }

@@ -1,5 +1,6 @@
 //! Gathers the reports of a run into its summary.
 
+mod room;
 mod summary;
 mod unsolved;
 
@@ -17,6 +18,7 @@ use crate::step::{FactorFit, FailedElement, StepReport, StepStatus, Tangle};
 use crate::summary::{EventRecord, PortSummary, RunEnd, Tail, Unconverged};
 use crate::tick::{TickFlags, TickReport};
 use crate::world::{Rung, World};
+use room::Room;
 use unsolved::Unsolved;
 
 /// Tails, counts and extremes of a run so far.
@@ -51,7 +53,7 @@ pub(crate) struct Gathering {
     step_overruns: u64,
     tick_overruns: u64,
     factors_refused: u64,
-    contacts_dropped: u64,
+    room: Room,
     fall_backs: u64,
     answered: BTreeMap<&'static str, u64>,
     shortened: u64,
@@ -119,7 +121,7 @@ impl Gathering {
             step_overruns: 0,
             tick_overruns: 0,
             factors_refused: 0,
-            contacts_dropped: 0,
+            room: Room::default(),
             fall_backs: 0,
             answered: BTreeMap::new(),
             shortened: 0,
@@ -170,7 +172,7 @@ impl Gathering {
         self.rung = report.rung;
         self.active = report.active;
         self.step_overruns += u64::from(report.overruns);
-        self.contacts_dropped += report.dropped();
+        self.room.add(report);
         self.factors_refused += u64::from(report.refused);
         self.fall_backs += u64::from(report.attempts > 1);
         if report.attempts > 0 {

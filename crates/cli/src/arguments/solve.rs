@@ -18,7 +18,9 @@ Exit codes:
     1  the same, but --out could not be written whole
     2  a mistake in the command line or in a file; nothing was solved
     6  a problem was not solved to the tolerance
-  130  ended by Ctrl-C, TERM or HUP; what was solved up to there was written";
+  129  ended by HUP; what was solved up to there was written, as for the next two
+  130  ended by Ctrl-C (INT)
+  143  ended by TERM";
 
 #[derive(Debug, Args)]
 pub(crate) struct SolveArguments {

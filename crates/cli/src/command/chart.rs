@@ -1,13 +1,14 @@
 //! `palpate chart`.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Result, miette};
 
 use crate::arguments::{ChartArguments, ChartName};
 use crate::chart::{Chart, Settings, Work, compliance, haptics, plot, solvers, tissue};
-use crate::exit;
 use crate::output::{check_writable, make_folder, say};
+use crate::stop::Stop;
 
 /// Names the folder whose `reference` is taken unless the command line names one; without either nothing is compared.
 const SHARED: &str = "PALPATE_SHARED";
@@ -20,8 +21,8 @@ pub(crate) fn chart(arguments: &ChartArguments) -> Result<u8> {
     let picture = arguments.out.join(format!("{name}.svg"));
     check_writable("--out", &picture)?;
     let settings = Settings { quick: arguments.quick, data };
-    let stop = super::stop_on_interrupt()?;
-    let work = Work::new(stop, arguments.quiet);
+    let stop = Stop::watch()?;
+    let work = Work::new(Arc::clone(stop.flag()), arguments.quiet);
     // One core: what is compared are methods, not machines.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().into_diagnostic()?;
     let chart = pool.install(|| match arguments.chart {
@@ -38,7 +39,7 @@ pub(crate) fn chart(arguments: &ChartArguments) -> Result<u8> {
     }
     chart.notes.iter().try_for_each(|note| say(format_args!("note: {note}")))?;
     files.iter().try_for_each(|file| say(format_args!("wrote {file}")))?;
-    Ok(if work.stopped() { exit::INTERRUPTED } else { 0 })
+    Ok(if work.stopped() { stop.code() } else { 0 })
 }
 
 /// The folder of reference data: the one that was named must be there.

@@ -11,10 +11,7 @@ pub(crate) mod run;
 pub(crate) mod scenes;
 pub(crate) mod solve;
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-use miette::{Diagnostic, IntoDiagnostic, LabeledSpan, NamedSource, Report, Result, WrapErr};
+use miette::{Diagnostic, LabeledSpan, NamedSource, Report};
 use palpate::scene::{InvalidScene, SceneError};
 
 /// A scene error with the place in the file, for miette to show.
@@ -50,18 +47,4 @@ pub(crate) fn report(error: SceneError) -> Report {
         }
         other => Report::msg(other.to_string()),
     }
-}
-
-/// A flag that Ctrl-C sets; a second Ctrl-C ends the program at once.
-pub(crate) fn stop_on_interrupt() -> Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let asked = Arc::clone(&stop);
-    ctrlc::set_handler(move || {
-        if asked.swap(true, Ordering::SeqCst) {
-            std::process::exit(i32::from(crate::exit::INTERRUPTED));
-        }
-    })
-    .into_diagnostic()
-    .wrap_err("Ctrl-C cannot be watched")?;
-    Ok(stop)
 }

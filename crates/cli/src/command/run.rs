@@ -19,6 +19,7 @@ use crate::output::{Outputs, make_folder, say, scene_files};
 use crate::picture::{self, Curves};
 use crate::progress::ProgressLine;
 use crate::step_table::StepTable;
+use crate::stop::Stop;
 use crate::table;
 
 pub(crate) fn run(arguments: &RunArguments) -> Result<u8> {
@@ -33,7 +34,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<u8> {
     for warning in world.warnings().iter().chain(&untraced) {
         eprintln!("warning: {warning}");
     }
-    let stop = super::stop_on_interrupt()?;
+    let stop = Stop::watch()?;
     let options = RunOptions {
         length: match (arguments.steps, arguments.seconds) {
             (Some(steps), _) => Length::Steps(steps),
@@ -50,7 +51,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<u8> {
         curves: outputs.picture.is_some().then(Curves::default),
         table: outputs.csv.as_deref().map(|path| StepTable::new(path, !arguments.lockstep)),
     };
-    let mut outcome = run_scene(&world, &options, &stop, &mut watcher).map_err(|e| Report::msg(e.to_string()))?;
+    let mut outcome = run_scene(&world, &options, stop.flag(), &mut watcher).map_err(|e| Report::msg(e.to_string()))?;
     if let Some(line) = &watcher.line {
         line.finish();
     }
@@ -62,7 +63,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<u8> {
     print(summary, arguments.json)?;
     Ok(match summary.end {
         RunEnd::BodyFailed => exit::BODY_FAILED,
-        RunEnd::Interrupted => exit::INTERRUPTED,
+        RunEnd::Interrupted => stop.code(),
         RunEnd::Completed if whole => 0,
         RunEnd::Completed => exit::FILE_LOST,
     })

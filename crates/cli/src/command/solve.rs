@@ -2,7 +2,6 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
@@ -19,6 +18,7 @@ use crate::arguments::SolveArguments;
 use crate::exit;
 use crate::output::{check_kept, check_writable, say};
 use crate::solver_table;
+use crate::stop::Stop;
 
 /// Time between two looks at Ctrl-C.
 const LOOK: Duration = Duration::from_millis(20);
@@ -48,7 +48,7 @@ pub(crate) fn solve(arguments: &SolveArguments) -> Result<u8> {
     // Every file is read before any is solved: a mistake in the last must not cost the time of the others.
     let problems = arguments.files.iter().map(|file| open(file, arguments.warm)).collect::<Result<Vec<_>>>()?;
     let solvers = solvers(arguments);
-    let stop = super::stop_on_interrupt()?;
+    let stop = Stop::watch()?;
     let (problems, answers) = solve_aside(problems, &solvers, arguments);
     let (mut all_solved, mut lost, mut described) = (true, false, Vec::new());
     for (file, (problem, _)) in arguments.files.iter().zip(problems.iter()) {
@@ -79,8 +79,8 @@ pub(crate) fn solve(arguments: &SolveArguments) -> Result<u8> {
     if arguments.json {
         say(format_args!("{:#}", Value::from(described)))?;
     }
-    Ok(match (stop.load(Ordering::SeqCst), all_solved, lost) {
-        (true, ..) => exit::INTERRUPTED,
+    Ok(match (stop.is_asked(), all_solved, lost) {
+        (true, ..) => stop.code(),
         (false, false, _) => exit::NOT_SOLVED,
         (false, true, true) => exit::FILE_LOST,
         (false, true, false) => 0,
@@ -115,8 +115,8 @@ fn solve_aside(
 }
 
 /// The next answer; none after Ctrl-C.
-fn next(answers: &Receiver<SolverRun>, stop: &AtomicBool) -> Option<SolverRun> {
-    while !stop.load(Ordering::SeqCst) {
+fn next(answers: &Receiver<SolverRun>, stop: &Stop) -> Option<SolverRun> {
+    while !stop.is_asked() {
         match answers.recv_timeout(LOOK) {
             Ok(run) => return Some(run),
             Err(RecvTimeoutError::Timeout) => {}

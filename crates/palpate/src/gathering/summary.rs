@@ -12,6 +12,7 @@ impl Gathering {
     pub(crate) fn summary(mut self, world: &World, wall: Option<f64>, trace: Option<TraceOutcome>) -> RunSummary {
         self.notes.extend(self.tangle_note());
         self.notes.extend(self.unsolved.note(world.description()));
+        self.notes.extend(self.room.notes(world.description()));
         let counts = self.counts();
         let rate = |n: u64| wall.map_or(0.0, |w| n as f64 / w);
         RunSummary {
@@ -53,7 +54,7 @@ impl Gathering {
             exact_steps: self.exact_steps,
             rungs: self.rungs.into_iter().map(|(rung, steps)| (rung.name(), steps)).collect(),
             climbs: self.climbs,
-            contacts_dropped: self.contacts_dropped,
+            contacts_dropped: self.room.dropped(),
             worst_residual: self.worst_residual,
             worst_tick_residual: self.worst_tick_residual,
             fall_backs: self.fall_backs,

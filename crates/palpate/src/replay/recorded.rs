@@ -138,7 +138,7 @@ impl<'a> Steps<'a> {
         };
         for factor in self.trace.factors.iter().filter(made) {
             let (q, system) = (self.state.before(), &self.ws.fem.system);
-            let sample = FactorSample::new(self.world.symbolic(), factor.epoch, number, time, q, system);
+            let sample = FactorSample::new(self.world, factor.epoch, number, time, q, system);
             let mut sample = sample.ok()?;
             if self.world.changes_ever() {
                 sample.remember(&self.state.state_before().memory);
