@@ -4,7 +4,7 @@
 mod factor_bodies;
 
 use factor_bodies::{Body, Random};
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 use palpate_fem::factor::SymbolicFactor;
 use palpate_fem::ordering::{EliminationTree, NO_PARENT, NodeOrdering, approximate_minimum_degree, nested_dissection};
 use palpate_fem::sparse::{BlockPattern, FIXED};
@@ -90,6 +90,18 @@ fn fill_is_at_most_that_of_minimum_degree_on_cubes() {
         assert!(nested.nonzeros() as f64 <= 1.1 * minimum.nonzeros() as f64);
         assert!(nested.stored_values() >= nested.nonzeros());
     }
+}
+
+#[test]
+fn a_body_that_lies_askew_is_separated_as_well() {
+    // looking along the axes alone, the turned body costs 8 % more operations
+    let body = Body::block([12, 11, 12], 2);
+    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_4);
+    let turned: Vec<_> = body.positions.iter().map(|x| turn * x).collect();
+    let operations = |positions: &[Vector3<f64>]| SymbolicFactor::new(&body.pattern, positions).unwrap().flops();
+    let (straight, askew) = (operations(&body.positions), operations(&turned));
+    println!("straight {straight:e} askew {askew:e}");
+    assert!(askew <= 1.04 * straight, "{askew:e} instead of {straight:e}");
 }
 
 #[test]

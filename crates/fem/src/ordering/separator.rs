@@ -7,11 +7,30 @@ use crate::sparse::BlockPattern;
 
 /// Bands of nodes, as shares of the nodes sorted along a direction, in which a separator is looked for. On an
 /// irregular mesh of a human liver (5,600 nodes) factors cost 1.25 Gflop if the separators keep to planes, 0.81 with
-/// bands of about half these widths, 0.66 with these; approximate minimum degree has 0.84.
+/// bands of about half these widths, 0.66 with these; approximate minimum degree has 0.84. (Along three axes.)
 pub(super) const BANDS: &[(f64, f64)] = &[(0.4, 0.6), (0.3, 0.7), (0.2, 0.8)];
 
 /// Bands without width: the separator is the layer of nodes along a plane.
 pub(super) const PLANES: &[(f64, f64)] = &[(0.5, 0.5), (0.4, 0.4), (0.6, 0.6)];
+
+/// Directions along which nodes are sorted: axes, and diagonals of the faces of a cube. With the cost of [`cost_of`], factors of
+/// a liver of 6,801 free nodes cost 5.05 Gflop along the axes alone, 4.55 along these, as much with the four diagonals of the
+/// cube as well; METIS 5.1 has 4.39.
+const DIRECTIONS: [[f64; 3]; 9] = [
+    [1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, 0.0, 1.0],
+    [1.0, 1.0, 0.0],
+    [1.0, -1.0, 0.0],
+    [1.0, 0.0, 1.0],
+    [1.0, 0.0, -1.0],
+    [0.0, 1.0, 1.0],
+    [0.0, 1.0, -1.0],
+];
+
+/// Of the directions, those whose first band gives the best splits, and whose other bands are tried: with all of them the same
+/// operations take twice the time to find, with one 7 % more operations come out.
+const DIRECTIONS_KEPT: usize = 3;
 
 /// A split is useful if each part keeps at least this share of the nodes.
 const SMALLEST_PART: f64 = 0.15;
@@ -21,6 +40,18 @@ pub(super) struct Split {
     pub(super) first: Vec<u32>,
     pub(super) second: Vec<u32>,
     pub(super) separator: Vec<u32>,
+}
+
+/// The best of some splits.
+struct Best {
+    cost: f64,
+    split: Option<Split>,
+}
+
+impl Default for Best {
+    fn default() -> Self {
+        Self { cost: f64::INFINITY, split: None }
+    }
 }
 
 /// Where a node lies in the split under trial; nodes outside the set keep `OUTSIDE`.
@@ -83,24 +114,33 @@ impl<'a> Splitter<'a> {
         found
     }
 
-    /// The best useful split over the planes of three axes; `None` where no plane gives one, as for equal positions.
+    /// The best useful split over the bands of all directions; `None` where no band gives one, as for equal positions.
     /// Expects finite positions.
     pub(super) fn split(&mut self, nodes: &[u32]) -> Option<Split> {
-        let mut best: Option<(f64, Split)> = None;
-        for axis in 0..3 {
-            let coordinate = |k: u32| self.positions[k as usize][axis];
+        let (first, others) = self.bands.split_at(1);
+        let mut best = Best::default();
+        let mut tried = Vec::with_capacity(DIRECTIONS.len());
+        for direction in DIRECTIONS.map(Vector3::from) {
+            let along = |k: u32| self.positions[k as usize].dot(&direction);
             let mut sorted = nodes.to_vec();
-            sorted.sort_unstable_by(|&a, &b| coordinate(a).total_cmp(&coordinate(b)).then(a.cmp(&b)));
-            if coordinate(sorted[0]) < coordinate(sorted[sorted.len() - 1]) {
-                self.try_bands(&sorted, &mut best);
+            sorted.sort_unstable_by(|&a, &b| along(a).total_cmp(&along(b)).then(a.cmp(&b)));
+            if along(sorted[0]) < along(sorted[sorted.len() - 1]) {
+                tried.push((self.try_bands(first, &sorted, &mut best), sorted));
             }
         }
-        best.map(|(_, split)| split)
+        // Stable, so that of equals the earlier direction is kept.
+        tried.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        for (_, sorted) in tried.iter().take(DIRECTIONS_KEPT) {
+            self.try_bands(others, sorted, &mut best);
+        }
+        best.split
     }
 
-    /// Looks for a separator in each band of the sorted nodes and keeps the best split so far.
-    fn try_bands(&mut self, sorted: &[u32], best: &mut Option<(f64, Split)>) {
-        for &(from, to) in self.bands {
+    /// Looks for a separator in each band of the sorted nodes, keeps the best split so far and answers the lowest cost of
+    /// these bands, infinite where none gives a useful split.
+    fn try_bands(&mut self, bands: &[(f64, f64)], sorted: &[u32], best: &mut Best) -> f64 {
+        let mut lowest = f64::INFINITY;
+        for &(from, to) in bands {
             let place = |share: f64| (share * sorted.len() as f64).round() as usize;
             let split = self.separate(sorted, place(from), place(to));
             let smaller = split.first.len().min(split.second.len());
@@ -108,10 +148,12 @@ impl<'a> Splitter<'a> {
                 continue;
             }
             let cost = cost_of(&split);
-            if best.as_ref().is_none_or(|(lowest, _)| cost < *lowest) {
-                *best = Some((cost, split));
+            lowest = lowest.min(cost);
+            if cost < best.cost {
+                *best = Best { cost, split: Some(split) };
             }
         }
+        lowest
     }
 
     /// Separates `sorted[..from]` from `sorted[to..]` by the fewest nodes of the band between.
@@ -165,8 +207,10 @@ impl<'a> Splitter<'a> {
     }
 }
 
-/// Cost of a split, lower is better: the separator's share against the balance of what it leaves (ratio cut).
+/// Cost of a split, lower is better: the root of the separator's size against the balance of what it leaves. The ratio cut, with
+/// the size itself, saves nodes of the separator by parts that have to be split further: factors of livers of 1,641, 3,160, 5,945
+/// and 6,801 free nodes cost 18, 15, 16 and 14 % more with it.
 fn cost_of(split: &Split) -> f64 {
     let separator = split.separator.len() as f64;
-    separator * (1.0 / split.first.len() as f64 + 1.0 / split.second.len() as f64)
+    separator.sqrt() * (1.0 / split.first.len() as f64 + 1.0 / split.second.len() as f64)
 }
