@@ -3,11 +3,12 @@
 
 use nalgebra::{DMatrix, DVector};
 use palpate_constraints::law::{Bilateral, Coulomb, Law, Signorini, Tresca};
-use palpate_solver::lagrange::{LagrangeConfig, LagrangeProblem, LagrangeWorkspace, gaps, solve};
+use palpate_solver::lagrange::{LagrangeConfig, LagrangeProblem, LagrangeWorkspace, gaps, solve, solve_watched};
 use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::report::SolveStatus;
 use palpate_solver::residual;
 use palpate_solver::solver::Solver;
+use palpate_solver::watch::Watch;
 
 const DT: f64 = 1.0 / 30.0;
 
@@ -136,4 +137,34 @@ fn what_has_no_place_in_the_program_is_a_status() {
     assert_eq!(run(&value, &[(7, 0, 1.0)], &sound), SolveStatus::Invalid);
     value[0] = f64::NAN;
     assert_eq!(run(&value, &[(0, 0, 1.0)], &sound), SolveStatus::NotFinite);
+}
+
+/// Without time there is neither program nor force, and what a workspace holds is used afterwards as if nothing had been;
+/// with time enough a limit changes no bit, and the record has an entry for each program.
+#[test]
+fn a_limit_of_time_is_obeyed_between_factorisations() {
+    for law in [Law::from(Signorini), Law::from(Coulomb { friction: 0.4 })] {
+        let (A, H, problem) = case(&[law; 3], 1.0);
+        let (column_start, row, value) = columns(&A);
+        let entries = (0..H.nrows()).flat_map(|r| (0..H.ncols()).map(move |c| (r, c)));
+        let jacobian: Vec<_> = entries.map(|(r, c)| (r, c, H[(r, c)])).filter(|(_, _, v)| *v != 0.0).collect();
+        let (column_start, row, value) = (column_start.as_slice(), row.as_slice(), value.as_slice());
+        let direct = LagrangeProblem { column_start, row, value, jacobian: &jacobian, dt: DT, view: problem.view() };
+        let (config, mut ws) = (LagrangeConfig::default(), LagrangeWorkspace::default());
+        let mut run = |watch: &mut Watch<'_>| {
+            let (mut w, mut lambda) = (vec![1.0; A.nrows()], vec![1.0; problem.rows()]);
+            (solve_watched(&direct, &config, &mut w, &mut lambda, &mut ws, watch), w, lambda)
+        };
+        let free = run(&mut Watch::none());
+        assert!(free.0.is_solved() && free.0.iterations > 0, "{:?}", free.0);
+        let late = run(&mut Watch::none().limit(0.0));
+        assert_eq!((late.0.status, late.0.iterations), (SolveStatus::TimeLimit, 0));
+        assert!(late.1.iter().chain(&late.2).all(|x| *x == 0.0), "{late:?}");
+        // An hour.
+        let mut samples = Vec::with_capacity(200);
+        assert_eq!(run(&mut Watch::none().limit(3600.0).record(&mut samples)), free);
+        assert!(samples.is_sorted_by(|a, b| a.iteration < b.iteration), "{samples:?}");
+        assert_eq!(samples.last().map(|sample| sample.iteration), Some(free.0.iterations));
+        assert!(samples.len() == 1 || !law.is_associated(), "one program without friction: {samples:?}");
+    }
 }

@@ -49,7 +49,8 @@ impl Until {
         Self { deadline, enough }
     }
 
-    fn is_late(&self) -> bool {
+    /// Whether the time is over.
+    pub(crate) fn is_late(&self) -> bool {
         self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
     }
 

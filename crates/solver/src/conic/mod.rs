@@ -11,7 +11,8 @@
 //! what the other part makes of the forces so far is added to `delta_free` (single precision files are asymmetric by 1e-6).
 //!
 //! Programs are kept by their structure, which is the sequence of the blocks' cones: one that was solved lately, with
-//! whatever numbers, is solved again without allocation.
+//! whatever numbers, is solved again without allocation. The first of a structure allocates, however long the workspace has
+//! existed: the cones are known with the laws only, and Clarabel orders and lays out a program in memory of its own.
 
 mod cones;
 mod corrections;

@@ -21,6 +21,7 @@ use crate::conic::{Corrections, Until};
 use crate::problem::ProblemView;
 use crate::report::{SolveReport, SolveStatus};
 use crate::residual::{natural_map, scale};
+use crate::watch::Watch;
 use program::KeptProgram;
 
 /// A fall of the residual by less than this part, so many programs in a row, ends a run as stalled.
@@ -80,13 +81,29 @@ impl std::fmt::Debug for LagrangeWorkspace {
 ///
 /// Takes laws whose forces are all, not negative, or in a second-order cone; others end as
 /// [`SolveStatus::Unsupported`]. The report counts interior-point iterations: factorisations of the system of body and
-/// contacts. Allocates where the entries of `A` or of `H` or the cones are not those of the last call.
+/// contacts. Allocates where the entries of `A` or of `H` or the cones are not those of the last call: Clarabel orders and
+/// lays out a program from its entries, and takes no memory from outside.
 pub fn solve(
     problem: &LagrangeProblem<'_>,
     config: &LagrangeConfig,
     w: &mut [f64],
     lambda: &mut [f64],
     ws: &mut LagrangeWorkspace,
+) -> SolveReport {
+    solve_watched(problem, config, w, lambda, ws, &mut Watch::none())
+}
+
+/// The same with a limit of time. The clock is looked at before a program is laid out, before it is solved, and after each
+/// of its interior-point iterations; one factorisation and the laying out, which orders the entries, are not
+/// interrupted. Where the time is over, the run ends as [`SolveStatus::TimeLimit`] with motion and forces of the program
+/// with the least residual so far: zero where none was finished. The watch records programs, by their factorisations.
+pub fn solve_watched(
+    problem: &LagrangeProblem<'_>,
+    config: &LagrangeConfig,
+    w: &mut [f64],
+    lambda: &mut [f64],
+    ws: &mut LagrangeWorkspace,
+    watch: &mut Watch<'_>,
 ) -> SolveReport {
     w.fill(0.0);
     lambda.fill(0.0);
@@ -96,6 +113,10 @@ pub fn solve(
     };
     if lambda.len() != view.rows() {
         return SolveReport::failed(SolveStatus::Invalid, 0);
+    }
+    let deadline = watch.deadline();
+    if (Until { deadline, ..Until::default() }).is_late() {
+        return SolveReport::failed(SolveStatus::TimeLimit, 0);
     }
     let units = match ws.kept.prepare(problem, w.len()) {
         Ok(units) => units,
@@ -111,7 +132,7 @@ pub fn solve(
     let mut best = SolveReport::failed(SolveStatus::MaxIterations, 0);
     let (mut iterations, mut idle) = (0, 0);
     let corrected = view.blocks.iter().any(|block| !block.law.is_associated());
-    let mut until = if corrected { Until::on_the_way(None, None) } else { Until::default() };
+    let mut until = if corrected { Until::on_the_way(None, deadline) } else { Until { deadline, enough: 0.0 } };
     for _ in 0..if corrected { config.max_programs } else { 1 } {
         let given = ws.corrections.next(view, &ws.delta, |_| 1.0 / units.length);
         let solved = ws.kept.solve(problem, units, given, until, &mut ws.motion, &mut ws.force);
@@ -124,7 +145,7 @@ pub fn solve(
         if !residual.relative.is_finite() {
             return SolveReport { status: SolveStatus::NotFinite, iterations, ..best };
         }
-        until = Until::on_the_way(Some(residual.relative), None);
+        until = Until::on_the_way(Some(residual.relative), deadline);
         ws.corrections.note(residual.relative);
         idle = if residual.relative < NOTABLE * best.residual { 0 } else { idle + 1 };
         if residual.relative < best.residual {
@@ -134,8 +155,12 @@ pub fn solve(
             w.copy_from_slice(&ws.motion);
             lambda.copy_from_slice(&ws.force);
         }
+        let out_of_time = watch.note(iterations, residual.relative);
         if best.residual <= config.tolerance {
             return SolveReport { status: SolveStatus::Solved, iterations, ..best };
+        }
+        if out_of_time {
+            return SolveReport { status: SolveStatus::TimeLimit, iterations, ..best };
         }
         if idle >= STALL {
             return SolveReport { status: SolveStatus::Stalled, iterations, ..best };
