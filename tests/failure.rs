@@ -151,7 +151,7 @@ fn a_matrix_that_cannot_be_factored_leaves_the_last_good_factor_in_use() {
     let good = simulation.workspace().fem.system.clone();
     let at = world.model().rest_state();
     let q = at.q.clone();
-    let first = FactorSample::new(world.symbolic(), 0, 0, 0.0, &q, &good).unwrap();
+    let first = FactorSample::new(&world, 0, 0, 0.0, &q, &good).unwrap();
     let (mut port, mut stage) = refresh(&first, &good);
     let revision = port.factor().factor.revision();
 
@@ -174,7 +174,7 @@ fn a_matrix_that_cannot_be_factored_leaves_the_last_good_factor_in_use() {
     assert!(stage.refresh(|| 0.4).unwrap().is_ok());
     let factor = port.factor();
     assert_eq!((factor.epoch, factor.step, factor.time), (1, 5, 0.3), "the next good matrix is taken again");
-    assert!(FactorSample::new(world.symbolic(), 0, 0, 0.0, &q, &indefinite).is_err(), "no first factor");
+    assert!(FactorSample::new(&world, 0, 0, 0.0, &q, &indefinite).is_err(), "no first factor");
 }
 
 #[test]

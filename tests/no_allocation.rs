@@ -153,7 +153,7 @@ fn step_factor_and_tick_together_allocate_nothing_over_ten_thousand_ticks() {
             let rest = world.model().rest_state();
             let mut ws = StepWorkspace::new(&world);
             assemble(world.model(), &rest, world.dt(), &[], &mut ws.fem);
-            let first = FactorSample::new(world.symbolic(), 0, 0, 0.0, &rest.q, &ws.fem.system).unwrap();
+            let first = FactorSample::new(&world, 0, 0, 0.0, &rest.q, &ws.fem.system).unwrap();
             let (mut port, mut factors) = refresh(&first, &ws.fem.system);
             let mut state = StepState::new(&world, rest);
             let (mut snapshots, snapshot_reader) = latest(&world.empty_snapshot());
@@ -313,7 +313,7 @@ fn a_grasper_that_closes_lifts_and_lets_go_allocates_nothing() {
         let mut ws = StepWorkspace::new(&world);
         let rest = world.model().rest_state();
         assemble(world.model(), &rest, world.dt(), &[], &mut ws.fem);
-        let factor = FactorSample::new(world.symbolic(), 0, 0, 0.0, &rest.q, &ws.fem.system).unwrap();
+        let factor = FactorSample::new(&world, 0, 0, 0.0, &rest.q, &ws.fem.system).unwrap();
         let mut state = StepState::new(&world, rest);
         let (mut snapshots, snapshot_reader) = latest(&world.empty_snapshot());
         let (pose_writer, mut poses) = latest(&world.first_tool());

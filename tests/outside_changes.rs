@@ -178,6 +178,15 @@ fn a_session_is_cut_while_its_threads_run_and_the_trace_replays_to_the_bit() {
     tick(&mut port, 0.3);
     println!("{}", session.change(&request(Some(corner()), Some(top()), None)).unwrap());
     tick(&mut port, 0.4);
+    // A screen draws the skin of the shape's phase: the cut opens walls, the clamp leaves them.
+    let skins = session.skins();
+    assert_eq!(session.changes_wait_until(), None, "a scene without events");
+    let shape = session.shape();
+    assert_eq!((shape.phase, skins.phases()), (2, 3));
+    let skin = |phase: usize| skins.of(phase).expect("a phase that was made");
+    assert_eq!(skin(0)[..], world.surface().triangles[..]);
+    assert!(skin(1)[..] != skin(0)[..] && skin(1) == skin(shape.phase) && skins.of(3).is_none());
+    assert!(skin(2).iter().flatten().all(|&node| (node as usize) < shape.positions.len()));
     let outcome = session.stop().unwrap().unwrap();
     assert!(matches!(session.change(&cut), Err(ChangeError::NotRunning)), "it has ended");
     let events: Vec<_> = outcome.summary.events.iter().map(ToString::to_string).collect();

@@ -181,7 +181,7 @@
 #define PALPATE_TICK_JUMPED (1u << 19)
 
 /*
- The device's clock stood still, ran backwards, or did not keep pace: the library's own was used.
+ The device's clock stood still, ran backwards, leapt ahead, or did not keep pace: the library's own was used.
  */
 #define PALPATE_TICK_CLOCK (1u << 30)
 
@@ -204,7 +204,7 @@ enum palpate_status
     PALPATE_STATUS_OK = 0,
     /*
      Done, and the flags of the output say something: the force fades, is limited, or there is none yet. Of
-     palpate_stop: palpate_last_error has something to tell.
+     palpate_change and palpate_stop: palpate_last_error has something to tell.
      */
     PALPATE_STATUS_NOTICE = 1,
     /*
@@ -508,7 +508,7 @@ typedef struct palpate_input {
     uint32_t fields;
     /*
      Time of the measurement on the device's clock, which does not run backwards (ns). 0: the device has no clock, and
-     the time of the call counts.
+     the time of the call counts. Force and fades change no faster than both clocks allow, so call at even times.
      */
     uint64_t time_ns;
     /*
@@ -592,7 +592,8 @@ typedef struct palpate_output {
      */
     double step_age;
     /*
-     Time since the tick before that was counted with (s).
+     Time since the tick before that the force was given to change (s): no more than the device's clock says, nor the
+     library's.
      */
     double dt;
     /*
@@ -751,9 +752,9 @@ palpate_status palpate_resume(const struct palpate_simulation *simulation);
 
  The changed body is made on the calling thread, in some ten milliseconds per thousand nodes, so do not call it from the
  thread that ticks; the tissue goes on meanwhile, and its next step takes the change, or where the scene has events the
- first step after the last of them. Other calls with the same simulation
- wait until it is made, ticks do not. PALPATE_STATUS_ERROR_PHASE where nothing runs, PALPATE_STATUS_ERROR_ARGUMENT where
- the change cannot be done; palpate_last_error says why.
+ first step after the last of them. Other calls with the same simulation wait until it is made, ticks do not.
+ PALPATE_STATUS_NOTICE where it waits for an event, PALPATE_STATUS_ERROR_PHASE where nothing runs,
+ PALPATE_STATUS_ERROR_ARGUMENT where the change cannot be done; palpate_last_error says why.
 
  The caller answers for this:
  `simulation` is NULL or was created and not destroyed; `change` is NULL or a text closed by a zero.
@@ -790,12 +791,6 @@ palpate_status palpate_statistics(const struct palpate_simulation *simulation,
 palpate_status palpate_destroy(struct palpate_simulation *simulation);
 
 /*
- Asks for a real-time priority for the calling thread, which is to tick. PALPATE_STATUS_NOTICE where the system does
- not grant it; palpate_last_error tells the remedy.
- */
-palpate_status palpate_raise_priority(void);
-
-/*
  One tick: from what the device measured to the force for its motors.
 
  Call it from one thread of the driver, at 100 Hz to 8 kHz. It allocates nothing, waits for nothing, and asks the
@@ -816,6 +811,12 @@ palpate_status palpate_tick(const struct palpate_port *port,
  `port` is NULL or was opened and not closed, and no thread ticks with it.
  */
 palpate_status palpate_close_port(struct palpate_port *port);
+
+/*
+ Asks for a real-time priority for the calling thread, which is to tick. PALPATE_STATUS_NOTICE where the system does
+ not grant it; palpate_last_error tells the remedy.
+ */
+palpate_status palpate_raise_priority(void);
 
 /*
  How many nodes, triangles and rigid bodies there are, and at which step they are. Of a simulation that has a port.

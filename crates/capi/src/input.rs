@@ -21,7 +21,7 @@ pub struct Input {
     /// PALPATE_INPUT_... of what is measured beyond the pose, or 0. A bit that this library does not know is refused.
     pub fields: u32,
     /// Time of the measurement on the device's clock, which does not run backwards (ns). 0: the device has no clock, and
-    /// the time of the call counts.
+    /// the time of the call counts. Force and fades change no faster than both clocks allow, so call at even times.
     pub time_ns: u64,
     /// Position of the end effector (m).
     pub position: [f64; 3],

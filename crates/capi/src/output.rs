@@ -45,7 +45,7 @@ pub const PALPATE_TICK_POWER_LIMITED: u32 = 1 << 17;
 pub const PALPATE_TICK_LATE: u32 = 1 << 18;
 /// The device's pose has jumped: no force until the tool is out of contact or back where it was.
 pub const PALPATE_TICK_JUMPED: u32 = 1 << 19;
-/// The device's clock stood still, ran backwards, or did not keep pace: the library's own was used.
+/// The device's clock stood still, ran backwards, leapt ahead, or did not keep pace: the library's own was used.
 pub const PALPATE_TICK_CLOCK: u32 = 1 << 30;
 /// The call itself was refused: see the status.
 pub const PALPATE_TICK_REFUSED: u32 = 1 << 31;
@@ -124,7 +124,8 @@ pub struct Output {
     pub gain: f64,
     /// Age of the tissue's latest step (s); +infinity before the first, and where the call is refused.
     pub step_age: f64,
-    /// Time since the tick before that was counted with (s).
+    /// Time since the tick before that the force was given to change (s): no more than the device's clock says, nor the
+    /// library's.
     pub dt: f64,
     /// Work of this tick (s).
     pub work: f64,

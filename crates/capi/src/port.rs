@@ -4,13 +4,13 @@ use std::cell::UnsafeCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use palpate::session::{PhaseReader, Port as SessionPort};
+use palpate::session::{PhaseReader, Port as SessionPort, raise_priority};
 use palpate::tick::TickFlags;
 
 use crate::input::Input;
 use crate::layout::{self, Layout};
 use crate::output::{Output, PALPATE_TICK_NEW_STEP, PALPATE_TICK_REFUSED};
-use crate::status::{Status, guarded};
+use crate::status::{Status, fail, guarded};
 
 /// The driver's end of a simulation.
 pub struct Port {
@@ -109,5 +109,21 @@ pub unsafe extern "C" fn palpate_close_port(port: *mut Port) -> Status {
             drop(unsafe { Box::from_raw(port) });
         }
         Status::Ok
+    })
+}
+
+/// Asks for a real-time priority for the calling thread, which is to tick. PALPATE_STATUS_NOTICE where the system does
+/// not grant it; palpate_last_error tells the remedy.
+#[unsafe(no_mangle)]
+pub extern "C" fn palpate_raise_priority() -> Status {
+    guarded(|| {
+        if raise_priority() {
+            return Status::Ok;
+        }
+        fail(
+            Status::Notice,
+            "the system grants no real-time priority; give it with `setcap cap_sys_nice+ep <program>` or a line \
+             `@group - rtprio 80` in /etc/security/limits.conf",
+        )
     })
 }

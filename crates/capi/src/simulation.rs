@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use palpate::run::RunOptions;
 use palpate::scene::{Scene, SceneError};
-use palpate::session::{Phase, PortConfigError, Session, raise_priority};
+use palpate::session::{Phase, PortConfigError, Session};
 use palpate::world::{ChangeError, ChangeRequest, World};
 
 use crate::layout::{self, Layout};
@@ -208,9 +208,9 @@ pub unsafe extern "C" fn palpate_resume(simulation: *const Simulation) -> Status
 ///
 /// The changed body is made on the calling thread, in some ten milliseconds per thousand nodes, so do not call it from the
 /// thread that ticks; the tissue goes on meanwhile, and its next step takes the change, or where the scene has events the
-/// first step after the last of them. Other calls with the same simulation
-/// wait until it is made, ticks do not. PALPATE_STATUS_ERROR_PHASE where nothing runs, PALPATE_STATUS_ERROR_ARGUMENT where
-/// the change cannot be done; palpate_last_error says why.
+/// first step after the last of them. Other calls with the same simulation wait until it is made, ticks do not.
+/// PALPATE_STATUS_NOTICE where it waits for an event, PALPATE_STATUS_ERROR_PHASE where nothing runs,
+/// PALPATE_STATUS_ERROR_ARGUMENT where the change cannot be done; palpate_last_error says why.
 ///
 /// # Safety
 /// `simulation` is NULL or was created and not destroyed; `change` is NULL or a text closed by a zero.
@@ -221,7 +221,9 @@ pub unsafe extern "C" fn palpate_change(simulation: *const Simulation, change: *
         let request = unsafe { text(change) }.map(ChangeRequest::from_toml);
         match request.map(|request| request.and_then(|request| session.change(&request))) {
             Err(status) => status,
-            Ok(Ok(_)) => Status::Ok,
+            Ok(Ok(_)) => session.changes_wait_until().map_or(Status::Ok, |time| {
+                fail(Status::Notice, &format!("the change waits for the last [[event]] of the scene, at {time} s"))
+            }),
             Ok(Err(error @ ChangeError::NotRunning)) => fail(Status::ErrorPhase, &error.to_string()),
             Ok(Err(error)) => fail(Status::ErrorArgument, &error.to_string()),
         }
@@ -281,21 +283,5 @@ pub unsafe extern "C" fn palpate_destroy(simulation: *mut Simulation) -> Status 
             drop(unsafe { Box::from_raw(simulation) });
         }
         Status::Ok
-    })
-}
-
-/// Asks for a real-time priority for the calling thread, which is to tick. PALPATE_STATUS_NOTICE where the system does
-/// not grant it; palpate_last_error tells the remedy.
-#[unsafe(no_mangle)]
-pub extern "C" fn palpate_raise_priority() -> Status {
-    guarded(|| {
-        if raise_priority() {
-            return Status::Ok;
-        }
-        fail(
-            Status::Notice,
-            "the system grants no real-time priority; give it with `setcap cap_sys_nice+ep <program>` or a line \
-             `@group - rtprio 80` in /etc/security/limits.conf",
-        )
     })
 }

@@ -11,7 +11,7 @@ pub enum Status {
     /// Done.
     Ok = 0,
     /// Done, and the flags of the output say something: the force fades, is limited, or there is none yet. Of
-    /// palpate_stop: palpate_last_error has something to tell.
+    /// palpate_change and palpate_stop: palpate_last_error has something to tell.
     Notice = 1,
     /// A pointer is NULL.
     ErrorNull = -1,

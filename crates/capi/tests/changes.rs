@@ -83,3 +83,35 @@ fn a_scene_without_room_says_so() {
     assert_eq!(change(rig.simulation, CUT), Status::ErrorArgument);
     assert!(last_error().contains("changes = 8"), "{}", last_error());
 }
+
+/// Bodies from outside are made from what the last event leaves: one that must wait for it says so and until when.
+#[test]
+fn a_change_that_waits_for_an_event_says_which_and_one_after_it_does_not() {
+    let scene = |time: f64| {
+        let event =
+            format!("[[event]]\n time = {time}\n release = {{ box = {{ min = [0, 0, 0], max = [0.01, 0.01, 0] }} }}");
+        SCENE.replace("name = \"block\"", "name = \"block\"\n changes = 1") + &event
+    };
+    let phase = |rig: &Rig| {
+        // SAFETY: plain numbers.
+        let mut surface: Surface = unsafe { std::mem::zeroed() };
+        surface.struct_size = size_of::<Surface>() as u32;
+        // SAFETY: a simulation that lives, a struct whose size is set.
+        assert_eq!(unsafe { palpate_surface_counts(rig.simulation, &raw mut surface) }, Status::Ok);
+        surface.events
+    };
+    let early = Rig::of(&scene(1e4), &options());
+    assert_eq!(early.start(), Status::Ok);
+    early.tick_until(0.002, "steps before the event", |_| early.statistics().steps > 2);
+    assert_eq!(change(early.simulation, CUT), Status::Notice, "it waits for three hours");
+    assert!(last_error().contains("10000 s"), "{}", last_error());
+    let steps = early.statistics().steps;
+    early.tick_until(0.002, "steps after the change", |_| early.statistics().steps > steps + 5);
+    assert_eq!(phase(&early), 0, "neither the event nor the change has happened");
+
+    let late = Rig::of(&scene(0.1), &options());
+    assert_eq!(late.start(), Status::Ok);
+    late.tick_until(0.002, "the event", |_| phase(&late) == 1);
+    assert_eq!(change(late.simulation, CUT), Status::Ok, "{}", last_error());
+    late.tick_until(0.002, "the change", |_| phase(&late) == 2);
+}

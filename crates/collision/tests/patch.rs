@@ -6,9 +6,10 @@ use std::collections::BTreeMap;
 
 use common::{box_hull, standard_block, turned};
 use nalgebra::{Isometry3, Vector3};
+use palpate_collision::patch::renumbering::NO_NODE;
 use palpate_collision::{
     Contact, ContactKind, ContactSet, DetectionConfig, DetectionWorkspace, PatchConfig, PatchDetection, PatchGathering,
-    SkinPatch, ToolShape, detect,
+    SkinPatch, SurfaceGeometry, ToolShape, detect,
 };
 
 const TOP: f64 = 0.05;
@@ -135,4 +136,49 @@ fn a_pose_that_is_none_gives_an_empty_patch() {
         assert_eq!(detection.detect(&patch, &[], &tool, &pose, &config(ContactKind::Faces)), 0);
         assert!(detection.contacts().is_empty());
     }
+}
+
+#[test]
+fn a_feature_is_found_by_its_nodes_after_edges_and_triangles_are_numbered_anew() {
+    let (surface, positions) = standard_block();
+    // Triangles in reverse, begun at another corner; and one of every three alone.
+    let turned = surface.triangles().iter().rev().map(|&[a, b, c]| [b, c, a]);
+    let other = SurfaceGeometry::new(turned.collect(), &positions).unwrap();
+    let left = surface.triangles().iter().enumerate().filter(|(k, _)| k % 3 == 0).map(|(_, t)| *t);
+    let open = SurfaceGeometry::new(left.collect(), &positions).unwrap();
+    let hull = box_hull([0.006; 3]);
+    let mut counts = [0; 4];
+    for (tool, kind) in [(ToolShape::sphere(0.007).unwrap(), ContactKind::Faces), (hull, ContactKind::Faces)] {
+        let pose = turned_pose();
+        let about = PatchConfig { margin: 1e-3, travel: 4e-3, side: Some(Vector3::z()) };
+        let found = |surface: &SurfaceGeometry| {
+            let mut patch = SkinPatch::new(400);
+            let mut detection = PatchDetection::new(400, 500, &tool);
+            let given = (&tool, &pose);
+            PatchGathering::new(surface).gather(surface, &positions, given, &about, |n| n % 3 != 0, &mut patch);
+            let at: Vec<_> = patch.nodes().iter().map(|&n| positions[n as usize]).collect();
+            detection.detect(&patch, &at, &tool, &pose, &config(kind));
+            (patch, detection.contacts().to_vec())
+        };
+        let ((patch, before), (renumbered, after), (holed, _)) = (found(&surface), found(&other), found(&open));
+        let after = by_feature(&after);
+        for contact in &before {
+            let mut nodes = [NO_NODE; 3];
+            let carriers = carriers(contact.nodes, contact.weights);
+            nodes.iter_mut().zip(carriers.keys()).for_each(|(to, &k)| *to = patch.nodes()[k as usize]);
+            nodes.sort_unstable();
+            assert_eq!(patch.renumbered(contact.feature, &nodes), Some(contact.feature), "in its own numbering");
+            let now = renumbered.renumbered(contact.feature, &nodes).expect("it is there");
+            let there = after.get(&now).expect("a contact, too");
+            assert!((there.tissue_point - contact.tissue_point).norm() < 1e-12, "{contact:?} {there:?}");
+            counts[contact.feature as usize >> 61] += 1;
+            counts[3] += usize::from(holed.renumbered(contact.feature, &nodes).is_none());
+        }
+    }
+    assert!(counts.iter().all(|&count| count > 0), "vertices, edges, triangles, and some that are gone: {counts:?}");
+}
+
+/// A pose in which tools touch the top of the block.
+fn turned_pose() -> Isometry3<f64> {
+    turned(Vector3::new(0.0517, 0.0491, TOP + 0.002), Vector3::new(0.1, 0.05, 0.3))
 }

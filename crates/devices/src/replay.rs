@@ -161,7 +161,7 @@ mod tests {
     }
 
     fn position(device: &mut ReplayDevice, time: f64) -> Result<f64, DeviceError> {
-        device.read(TickTime { index: 0, time, dt: 1e-3 }).map(|s| s.pose.translation.x)
+        device.read(TickTime { index: 0, time, dt: 1e-3, host_lead: None }).map(|s| s.pose.translation.x)
     }
 
     #[test]
@@ -174,7 +174,7 @@ mod tests {
         assert_eq!(position(&mut device, 2e-3), Ok(0.3));
         assert!((position(&mut device, 3e-3).unwrap() - 0.5).abs() < 1e-15);
         assert_eq!(position(&mut device, 9.0), Ok(0.7), "after the last");
-        let last = device.read(TickTime { index: 0, time: 9.0, dt: 1e-3 }).unwrap();
+        let last = device.read(TickTime { index: 0, time: 9.0, dt: 1e-3, host_lead: None }).unwrap();
         assert_eq!(last.velocity, Twist::default(), "and at rest");
         assert!((position(&mut device, 1.5e-3).unwrap() - 0.2).abs() < 1e-15, "again from the start");
     }

@@ -9,8 +9,8 @@ use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, vio
 use factor_bodies::{Body, Random};
 use nalgebra::{DMatrix, Matrix3};
 use palpate_fem::factor::{
-    ChangeStatus, Factor, FactorStatus, MatrixChange, ReachStatus, ReachWorkspace, SolveWorkspace, SymbolicFactor,
-    UpdateStatus,
+    ChangeStatus, Factor, FactorPrecision, FactorStatus, MatrixChange, ReachStatus, ReachWorkspace, SolveWorkspace,
+    SymbolicFactor, UpdateStatus,
 };
 use palpate_fem::pcg::{PcgConfig, PcgStatus, PcgWorkspace, pcg};
 use palpate_fem::preconditioner::{BlockJacobi, FactorPreconditioner, WarpedPreconditioner};
@@ -26,6 +26,7 @@ fn run_paths_allocate_nothing() {
     let symbolic = SymbolicFactor::new(&body.pattern, &body.positions).unwrap().with_room_for_changes(40);
     let symbolic = Arc::new(symbolic);
     let mut factor = Factor::with_packed_copy(symbolic.clone());
+    let mut single = factor.clone().computed_in(FactorPrecision::Single);
     let matrices = [body.system(2), body.system(3)];
     let mut change = MatrixChange::with_capacity(n, 40);
     let mut stiffened = matrices[0].clone();
@@ -57,6 +58,9 @@ fn run_paths_allocate_nothing() {
                     let statuses = [
                         factor.refactor(&indefinite).status != FactorStatus::Ok,
                         factor.refactor(&matrices[0]).status == FactorStatus::Ok,
+                        // which tries double precision after single
+                        single.refactor(&indefinite).status != FactorStatus::Ok,
+                        single.refactor(&matrices[0]).precision == FactorPrecision::Single,
                         factor.solve(&mut x, &mut solve).is_ok(),
                         factor.solve_columns(&mut many, &mut solve).is_ok(),
                         change.between(&matrices[0], &stiffened, &held) == ChangeStatus::Ok,
@@ -80,7 +84,7 @@ fn run_paths_allocate_nothing() {
                     x.fill(0.0);
                     let replaced = jacobi.update(a);
                     let jacobi = pcg(a, &b, &mut x, &mut jacobi, PcgConfig::default(), &mut iteration);
-                    statuses == [true; 9]
+                    statuses == [true; 11]
                         && report.status == ReachStatus::Ok
                         && by_nodes.status == ReachStatus::Ok
                         && corrected

@@ -137,6 +137,10 @@ pub struct TickRecord {
     pub time: f64,
     /// Time since the tick before, as measured \[s\].
     pub dt: f64,
+    /// What this machine's clock said beyond the `dt` that the tick was given \[s\]; 0 where there is one clock.
+    pub host_lead: f64,
+    /// Time that the limits of slew and fade-in were given \[s\]: never more than either clock's.
+    pub granted: f64,
     /// Pose that the device measured; the last good one if it did not answer.
     pub device_pose: Isometry3<f64>,
     /// Velocity of the device as it estimates it \[m/s, rad/s\]; zero if it did not answer.
@@ -161,7 +165,7 @@ pub struct TickRecord {
     pub snapshot_step: u64,
     /// Whether that snapshot was valid, whatever else kept the tick from its force.
     pub snapshot_valid: bool,
-    /// Time since the snapshot was taken over \[s\]; infinite if none ever was.
+    /// Time since the snapshot was taken over, by this machine's clock \[s\]; infinite if none ever was.
     pub snapshot_age: f64,
     /// |F_new − F_old| \[N\] at the tick that takes over a snapshot: the contact force with the new against the old one
     /// at the same device pose. 0 at other ticks.

@@ -55,6 +55,9 @@ pub struct HapticSnapshot {
     pub tool_pose: Isometry3<f64>,
     /// Opening of the tool's jaws that it is for \[rad\]; 0 for a tool without.
     pub opening: f64,
+    /// The numbering of the skin's edges and triangles that features are named by, counted by the cuts before it. Where it is
+    /// another than that of the snapshot before, so are the names; nodes keep theirs.
+    pub numbering: u32,
     /// Epoch of the factor behind W.
     pub factor_epoch: u64,
     /// Its age when the step used it \[s\].
@@ -99,6 +102,7 @@ impl HapticSnapshot {
             valid: false,
             tool_pose: Isometry3::identity(),
             opening: 0.0,
+            numbering: 0,
             factor_epoch: 0,
             factor_age: 0.0,
             dropped: 0,
@@ -165,7 +169,7 @@ impl HapticSnapshot {
         (self.contacts, self.rows, self.dropped) = (other.contacts, other.rows, other.dropped);
         (self.step, self.time, self.dt, self.valid) = (other.step, other.time, other.dt, other.valid);
         (self.tool_pose, self.factor_epoch, self.factor_age) = (other.tool_pose, other.factor_epoch, other.factor_age);
-        self.opening = other.opening;
+        (self.opening, self.numbering) = (other.opening, other.numbering);
         self.gripper_rows[..self.rows].copy_from_slice(other.gripper_rows());
         self.blocks[..self.contacts].copy_from_slice(other.blocks());
         self.features[..self.contacts].copy_from_slice(other.features());

@@ -58,7 +58,7 @@ impl Rig {
 
     /// A tick, and what must hold in every one.
     fn tick(&mut self, position: Vector3<f64>, dt: f64) -> TickRecord {
-        let time = TickTime { index: self.index, time: self.index as f64 * 1e-3, dt };
+        let time = TickTime { index: self.index, time: self.index as f64 * 1e-3, dt, host_lead: None };
         self.index += 1;
         let record = self.tick.tick(&mut self.state, &self.snapshot, &at(position), time, &mut self.ws);
         let force = record.wrench.force;
@@ -220,7 +220,7 @@ fn in_a_day_of_ticks_no_count_drifts_and_the_last_minute_is_the_first_to_the_bit
         // Down by a millimetre and up again within two seconds, from 9 mm above the skin.
         let way = (std::f64::consts::PI * k.min(2 * RATE) as f64 / RATE as f64).cos();
         let place = pressed() + Vector3::z() * (5e-3 * (1.0 + way));
-        let time = TickTime { index, time: index as f64 / RATE as f64, dt: rig.tick.period() };
+        let time = TickTime { index, time: index as f64 / RATE as f64, dt: rig.tick.period(), host_lead: None };
         let record = rig.tick.tick(&mut rig.state, &rig.snapshot, &at(place), time, &mut rig.ws);
         active += u64::from(record.active > 0);
         match minute {
@@ -262,7 +262,7 @@ fn after_a_day_the_counts_are_exact_and_the_forces_are_those_of_the_first_second
                 rig.snapshot.step += first / 33;
             }
             let index = first + k;
-            let time = TickTime { index, time: index as f64 * 1e-3, dt: index as f64 * 1e-3 - before };
+            let time = TickTime { index, time: index as f64 * 1e-3, dt: index as f64 * 1e-3 - before, host_lead: None };
             before = time.time;
             let way = Vector3::z() * 1e-3 * (time_of(k) * 9.0).sin();
             records.push(rig.tick.tick(&mut rig.state, &rig.snapshot, &at(pressed() - way), time, &mut rig.ws));

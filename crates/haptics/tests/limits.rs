@@ -163,7 +163,7 @@ fn a_tick_is_late_from_half_a_period_on_and_its_time_is_told() {
         (0.049, true, false),
         (0.051, true, true),
     ] {
-        let time = TickTime { index: 400, time: 0.4, dt };
+        let time = TickTime { index: 400, time: 0.4, dt, host_lead: None };
         let record = bench.tick.tick(&mut bench.state, &floor(1), &pressed(), time, &mut bench.ws);
         assert_eq!(record.flags.contains(TickFlags::LATE), late, "{dt}");
         assert_eq!(record.flags.contains(TickFlags::GAP), gap, "{dt}");
@@ -242,7 +242,7 @@ fn a_gap_between_ticks_makes_the_force_return_as_a_ramp() {
     for dt in [0.5, -1e-3, 0.0, f64::NAN, f64::INFINITY] {
         let mut bench = Bench::strong();
         let full = bench.warm_up(&floor(1), &pressed()).wrench.force.z;
-        let time = TickTime { index: 400, time: 0.4, dt };
+        let time = TickTime { index: 400, time: 0.4, dt, host_lead: None };
         let record = bench.tick.tick(&mut bench.state, &floor(2), &pressed(), time, &mut bench.ws);
         assert!(record.flags.contains(TickFlags::GAP));
         // One period's share of 0.3 s, whatever the clock said.

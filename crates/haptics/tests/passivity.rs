@@ -139,7 +139,7 @@ fn run(case: Case, control: bool, seed: u64) -> Outcome {
         let difference = measured.replace(encoded).map_or(Vector3::zeros(), |last| (encoded - last) / dt);
         velocity += (difference - velocity) * -(-std::f64::consts::TAU * 100.0 * dt).exp_m1();
         let sample = DeviceSample { velocity: Twist { linear: velocity, ..Twist::default() }, ..at(encoded) };
-        let moment = TickTime { index, time, dt };
+        let moment = TickTime { index, time, dt, host_lead: None };
         let record = bench.tick.tick(&mut bench.state, &snapshot, &sample, moment, &mut bench.ws);
         tool = record.tool_pose;
         if record.energy.account == 0.0 && record.wrench == Wrench::zero() {

@@ -89,7 +89,7 @@ proptest! {
             let [linear, angular] = told.velocity.map(Vector3::from);
             let velocity = Twist { linear, angular };
             let sample = DeviceSample { velocity, gripper: told.gripper, ..DeviceSample::at_rest(dt, pose) };
-            let time = TickTime { index: i as u64, time: i as f64 * PERIOD, dt };
+            let time = TickTime { index: i as u64, time: i as f64 * PERIOD, dt, host_lead: None };
             let record = bench.tick.tick(&mut bench.state, &snapshot, &sample, time, &mut bench.ws);
             prop_assert!(record.wrench.is_finite());
             prop_assert!(record.contact_wrench.is_finite());

@@ -11,6 +11,11 @@ pub(crate) fn seconds(nanoseconds: u64) -> f64 {
     nanoseconds as f64 * 1e-9
 }
 
+/// The same of a difference.
+pub(crate) fn signed_seconds(nanoseconds: i64) -> f64 {
+    nanoseconds as f64 * 1e-9
+}
+
 /// Wakes a thread once per period.
 #[derive(Clone)]
 pub(crate) struct Pacer {

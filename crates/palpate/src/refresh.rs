@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use nalgebra::{Vector3, Vector6};
 use palpate_fem::assembly::assemble;
-use palpate_fem::factor::{Factor, FactorStatus, NodalCompliance, SymbolicFactor};
+use palpate_fem::factor::{Factor, FactorStatus, NodalCompliance};
 use palpate_fem::model::FemState;
 use palpate_fem::sparse::SystemMatrix;
 use palpate_haptics::exchange::{Reader, Writer, latest};
@@ -62,19 +62,21 @@ pub struct FactorSample {
 }
 
 impl FactorSample {
-    /// Factors the matrix of a step at `time` (s) and configuration `q` (m) into memory of its own.
+    /// Factors the matrix of a step at `time` (s) and configuration `q` (m) into memory of its own, in the precision of the
+    /// plan.
     ///
     /// # Errors
     /// The status of the factorisation where it fails.
     pub fn new(
-        symbolic: &Arc<SymbolicFactor>,
+        world: &World,
         epoch: u64,
         step: u64,
         time: f64,
         q: &[Vector3<f64>],
         system: &SystemMatrix,
     ) -> Result<Self, FactorStatus> {
-        let mut factor = Factor::with_packed_copy(Arc::clone(symbolic));
+        let symbolic = Arc::clone(world.symbolic());
+        let mut factor = Factor::with_packed_copy(symbolic).computed_in(world.plan().precision);
         let status = factor.refactor(system).status;
         let (q, memory, renewed, prepared) = (q.into(), Vec::new(), 0, None);
         let sample = Self { epoch, step, time, q, memory, renewed, factor, prepared };
@@ -102,7 +104,7 @@ impl FactorSample {
     /// The factor that exists before the first step, of the matrix of the settled body, and what is precomputed from it.
     pub(crate) fn first(world: &World, rest: &FemState, ws: &mut StepWorkspace) -> Result<Self, RunError> {
         assemble(world.model(), rest, world.dt(), &[], &mut ws.fem);
-        let mut first = Self::new(world.symbolic(), 0, 0, 0.0, &rest.q, &ws.fem.system)
+        let mut first = Self::new(world, 0, 0, 0.0, &rest.q, &ws.fem.system)
             .map_err(|status| RunError::Factorization { status: format!("{status:?}") })?;
         if world.changes_ever() {
             first.remember(&rest.memory);

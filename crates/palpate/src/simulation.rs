@@ -121,8 +121,8 @@ impl<'w> Simulation<'w> {
         pass_next_event(self.world, &mut self.state, &mut self.ws)
     }
 
-    /// Changes the body from the next step on: nodes released or held, elements removed. Made at once, on this thread; what
-    /// happens, in words.
+    /// Changes the body from the next step on, or where the scene has events from the first after the last of them: nodes
+    /// released or held, elements removed. Made at once, on this thread; what happens, in words.
     ///
     /// # Errors
     /// A scene without room for changes, or for no more; selections that do not fit the body.

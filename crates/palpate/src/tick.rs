@@ -89,7 +89,7 @@ impl TickStage {
     /// Forgets all ticks so far; the next is number 0.
     pub(crate) fn restart(&mut self) {
         self.state.reset();
-        self.index = 0;
+        (self.index, self.placed) = (0, false);
     }
 
     /// Nominal time between ticks (s).
@@ -102,9 +102,16 @@ impl TickStage {
         before.map_or(self.period(), |before| time - before)
     }
 
-    /// One tick at `time` (s), `dt` seconds after the last, on `device`.
-    pub(crate) fn tick(&mut self, device: &mut dyn HapticDevice, time: f64, dt: f64) -> TickRecord {
-        let moment = TickTime { index: self.index, time, dt };
+    /// One tick at `time` (s), `dt` seconds after the last, on `device`. `host_lead` is what this machine's clock says beyond
+    /// `dt` (s), where that is by the device's.
+    pub(crate) fn tick(
+        &mut self,
+        device: &mut dyn HapticDevice,
+        time: f64,
+        dt: f64,
+        host_lead: Option<f64>,
+    ) -> TickRecord {
+        let moment = TickTime { index: self.index, time, dt, host_lead };
         self.index += 1;
         let record = run_tick(&self.tick, &mut self.state, &mut self.ws, &mut self.snapshots, device, moment);
         // Before the first sound pose there is none to tell the step.
@@ -191,7 +198,12 @@ impl Ticker {
 
     /// One tick at `time` (s), `dt` seconds after the last: allocates nothing, takes no lock, has no panic path.
     pub fn tick(&mut self, time: f64, dt: f64) -> TickRecord {
-        self.stage.tick(self.device.as_mut(), time, dt)
+        self.stage.tick(self.device.as_mut(), time, dt, None)
+    }
+
+    /// The same where `dt` is by the device's clock, and this machine's said `host_lead` more (s).
+    pub(crate) fn tick_by(&mut self, time: f64, dt: f64, host_lead: Option<f64>) -> TickRecord {
+        self.stage.tick(self.device.as_mut(), time, dt, host_lead)
     }
 
     /// Hands the report to the trace.

@@ -31,6 +31,8 @@ pub(crate) struct ActiveBlock {
     pub(crate) count: usize,
     /// `sqrt(rho)`, (N/m)^1/2.
     pub(crate) scale: f64,
+    /// Change of the forces that the law gives, in rows of the contact, N.
+    pub(crate) given: Vector3<f64>,
 }
 
 impl Unknown {
@@ -44,7 +46,7 @@ impl ActiveBlock {
     /// The block without unknowns; the next of the system has the number `first`, and `scale` is `sqrt(rho)`.
     pub(crate) fn new(block: &Block, first: usize, scale: f64) -> Self {
         let none = Unknown { direction: Vector3::zeros(), test: Vector3::zeros(), weight: 1.0, value: 0.0 };
-        Self { block: *block, first, unknowns: [none; 3], count: 0, scale }
+        Self { block: *block, first, unknowns: [none; 3], count: 0, scale, given: Vector3::zeros() }
     }
 
     /// The unknowns, in the order of their numbers.
@@ -53,7 +55,7 @@ impl ActiveBlock {
         self.unknowns.get(..self.count).unwrap_or(&[])
     }
 
-    /// Takes the unknowns from the law's equation; returns the change of the given forces, in rows of the contact.
+    /// Takes the unknowns from the law's equation; returns the change of the given forces.
     pub(crate) fn read(&mut self, equation: &Linearization) -> Vector3<f64> {
         let frame = equation.frame();
         let mut given = Vector3::zeros();
@@ -76,6 +78,7 @@ impl ActiveBlock {
         if matches!(equation.rows[0], RowEquation::Closed { .. }) {
             self.unknowns[0].direction = normal;
         }
+        self.given = given;
         given
     }
 
@@ -87,6 +90,7 @@ impl ActiveBlock {
     }
 
     /// Right sides of the block's equations, with the `gap` (m) that the given forces make.
+    #[inline]
     pub(crate) fn right(&self, gap: &Vector3<f64>) -> [f64; 4] {
         let mut right = [0.0; 4];
         for (entry, unknown) in right.iter_mut().zip(self.unknowns()) {

@@ -8,13 +8,23 @@ use crate::vectors::add_columns;
 use nalgebra::Vector3;
 use palpate_constraints::law::LocalCompliance;
 
+/// A change of the force of a block without unknowns.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GivenForce {
+    pub(crate) block: Block,
+    /// N.
+    pub(crate) force: Vector3<f64>,
+    /// `sqrt(rho)`, (N/m)^1/2.
+    pub(crate) scale: f64,
+}
+
 /// Memory of the sorting, and of the step that comes of it.
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveRows {
     /// Blocks with unknowns.
     pub(crate) blocks: Vec<ActiveBlock>,
-    /// Changes of the forces that the laws give: block, and N.
-    pub(crate) given: Vec<(Block, Vector3<f64>)>,
+    /// Changes of the forces that the laws give to blocks without unknowns.
+    pub(crate) given: Vec<GivenForce>,
     /// The change of the forces, N.
     pub(crate) direction: Vec<f64>,
 }
@@ -53,7 +63,9 @@ impl ActiveRows {
             }
             if given != Vector3::zeros() {
                 scatter(&given, block, &mut self.direction);
-                self.given.push((*block, given));
+                if self.blocks.last().is_none_or(|last| last.block.start != block.start) {
+                    self.given.push(GivenForce { block: *block, force: given, scale });
+                }
             }
         }
         size
@@ -61,8 +73,11 @@ impl ActiveRows {
 
     /// `gap += W d_given`, m.
     pub(crate) fn add_given(&self, view: &ProblemView<'_>, gap: &mut [f64]) {
-        for (block, force) in &self.given {
-            add_columns(view, block, force, gap);
+        for given in &self.given {
+            add_columns(view, &given.block, &given.force, gap);
+        }
+        for active in self.blocks.iter().filter(|active| active.given != Vector3::zeros()) {
+            add_columns(view, &active.block, &active.given, gap);
         }
     }
 

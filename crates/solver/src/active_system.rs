@@ -22,11 +22,11 @@ use crate::active_block::ActiveBlock;
 use crate::active_rows::ActiveRows;
 use crate::coupled_block::CoupledBlock;
 use crate::dense::LinearSystem;
+use crate::first_substitution::FirstSubstitution;
 use crate::krylov::KrylovSpace;
 use crate::problem::{ProblemView, gather};
 use crate::single::SingleCompliance;
 use crate::vectors::add_columns;
-use nalgebra::Vector3;
 use palpate_constraints::law::LocalCompliance;
 use pulp::{Arch, Simd, WithSimd};
 
@@ -63,10 +63,7 @@ pub(crate) struct ActiveSystem {
     last_iterations: usize,
     coupled: Vec<CoupledBlock>,
     pub(crate) single: SingleCompliance,
-    /// `W d_given` in single precision, relative to the largest of `d_given`.
-    single_gap: Vec<f32>,
-    /// Right side, a quad for each block.
-    right: Vec<[f64; 4]>,
+    first: FirstSubstitution,
 }
 
 impl ActiveSystem {
@@ -81,8 +78,7 @@ impl ActiveSystem {
             last_iterations: 0,
             coupled: Vec::with_capacity(rows),
             single: SingleCompliance::with_capacity(rows),
-            single_gap: Vec::with_capacity(SingleCompliance::longest(rows)),
-            right: Vec::with_capacity(rows),
+            first: FirstSubstitution::with_capacity(rows, rows),
         }
     }
 
@@ -119,29 +115,19 @@ impl ActiveSystem {
 
     /// Solves by iteration to a relative error; `false` where that is not reached.
     fn iterate(&mut self, view: &ProblemView<'_>, tolerance: f64, shift: f64) -> bool {
-        let Self { rows, krylov, coupled, single, single_gap, right, last_iterations, .. } = self;
+        let Self { rows, krylov, coupled, single, first, last_iterations, .. } = self;
         let ActiveRows { blocks, given, direction } = rows;
         let with_unknowns = blocks.iter().map(|active| &active.block);
-        single.admit(view, with_unknowns.chain(given.iter().map(|(block, _)| block)));
-        // Relative to their largest, so that they stay in the range of single precision.
-        let size = given.iter().fold(f64::MIN_POSITIVE, |size, (_, force)| size.max(force.amax()));
-        single_gap.clear();
-        single_gap.resize(single.length(), 0.0);
-        for (block, force) in given.iter() {
-            single.accumulate(block, &(force / size), single_gap);
-        }
-        right.clear();
+        single.admit(view, with_unknowns.chain(given.iter().map(|given| &given.block)));
         coupled.clear();
-        let gaps = Scaled { gap: single_gap, size };
-        if !Arch::new().dispatch(Couple { blocks, single, gaps, shift, right, coupled }) {
+        if !Arch::new().dispatch(Couple { blocks, single, shift, coupled }) {
             return false;
         }
-        let solution = krylov.solve(single, coupled, right, tolerance);
+        let Some((right, size)) = first.run(single, coupled, blocks, given) else { return false };
+        let solution = krylov.solve(single, coupled, right, tolerance * size);
         *last_iterations = solution.map_or(usize::MAX, |(_, iterations)| iterations);
         let Some((solution, _)) = solution else { return false };
-        for (active, z) in blocks.iter().zip(solution) {
-            active.add(z, direction);
-        }
+        first.add(blocks, solution, direction);
         true
     }
 
@@ -177,20 +163,11 @@ impl ActiveSystem {
     }
 }
 
-/// Gaps in single precision, relative to `size`.
-#[derive(Clone, Copy)]
-struct Scaled<'a> {
-    gap: &'a [f32],
-    size: f64,
-}
-
-/// Forms the equations and right sides of the blocks; `false` where one of them was not admitted.
+/// Forms the equations of the blocks; `false` where one of them was not admitted.
 struct Couple<'a> {
     blocks: &'a [ActiveBlock],
     single: &'a SingleCompliance,
-    gaps: Scaled<'a>,
     shift: f64,
-    right: &'a mut Vec<[f64; 4]>,
     coupled: &'a mut Vec<CoupledBlock>,
 }
 
@@ -201,9 +178,6 @@ impl WithSimd for Couple<'_> {
     fn with_simd<S: Simd>(self, _: S) -> bool {
         for active in self.blocks {
             let Some(block) = active.couple(self.single, self.shift) else { return false };
-            let gap = block.read(self.gaps.gap);
-            let gap = Vector3::new(f64::from(gap[0]), f64::from(gap[1]), f64::from(gap[2])) * self.gaps.size;
-            self.right.push(active.right(&gap));
             self.coupled.push(block);
         }
         true

@@ -28,6 +28,8 @@ pub(crate) enum Advance {
     Formed,
     /// So many iterations were done at once, and the gap formed anew.
     Several(u32),
+    /// So many iterations were done at once, and the gap is that of single precision: no end is judged by it.
+    Rough(u32),
     /// The method ends itself; forces and gap are as they were.
     Ended(SolveStatus),
 }
@@ -108,8 +110,8 @@ fn iterate(
     ws.best.extend_from_slice(lambda);
     loop {
         // The running gap gathers rounding: form it anew now and then, and before an answer is accepted.
-        let accepting = now.residual.relative <= stop.tolerance;
-        if age >= 4 * REFRESH_AGE || (accepting && age >= REFRESH_AGE) {
+        let ending = now.residual.relative <= stop.tolerance || now.iteration >= stop.max_iterations;
+        if age >= 4 * REFRESH_AGE || (ending && age >= REFRESH_AGE) {
             view.gap(lambda, &mut ws.delta);
             age = 0;
             now.residual = residual(view, lambda, scale, ws);
@@ -143,6 +145,7 @@ fn iterate(
             Advance::Updated => age += 1,
             Advance::Formed => age = 0,
             Advance::Several(iterations) => (age, done) = (0, iterations),
+            Advance::Rough(iterations) => (age, done) = (REFRESH_AGE, iterations),
             Advance::Ended(status) => return (status, now.iteration, best),
         }
         let iteration = now.iteration.saturating_add(done);

@@ -73,6 +73,9 @@ impl KrylovSpace {
         if size == 0.0 {
             return Some((&self.solution, 0));
         }
+        if tolerance >= 1.0 {
+            return Some((&self.solution, 0));
+        }
         if !size.is_finite() {
             return None;
         }

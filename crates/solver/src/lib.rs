@@ -19,6 +19,7 @@ pub mod conic_friction;
 pub mod conic_qp;
 mod coupled_block;
 mod dense;
+mod first_substitution;
 pub mod gauss_seidel;
 mod iteration;
 mod krylov;

@@ -198,6 +198,10 @@ fn advance(
         let limits = Limits { sweeps: rough, change, deadline: phase.deadline };
         let (done, end) = ws.rough.run(view, &sweeps.local, &sweeps.delta, &mut ws.system.single, lambda, limits);
         match end {
+            // A step from here leaves more than the rounding of these gaps.
+            End::Settled if ws.rough.gap_into(view, &ws.system.single, &mut sweeps.delta) => {
+                return Advance::Rough(done);
+            }
             End::Settled => {}
             End::Limit => ws.proximal.expect_singular(),
             End::Refused => phase.sweeps_left = rough.min(FIRST_SWEEPS),

@@ -60,11 +60,12 @@ impl RoughContact {
         }
         let y = old[1] - self.stiffness * (gap[1] - self.coupling[0] * gap[0]);
         let z = old[2] - self.stiffness * (gap[2] - self.coupling[1] * gap[0]);
-        let shrink = mu / (y * y + z * z).sqrt();
-        let (y, z) = (shrink * y, shrink * z);
-        let normal = -open / (n[0] + n[1] * y + n[2] * z);
+        // Multiplied through by |y|: the next contact waits for one root and one quotient.
+        let size = (y * y + z * z).sqrt();
+        let (y, z) = (mu * y, mu * z);
+        let factor = -open / (n[0] * size + (n[1] * y + n[2] * z));
         // A coupling that separates what it presses: without friction then. False for NaN.
-        if normal > 0.0 { [normal, normal * y, normal * z, 0.0] } else { [-open / n[0], 0.0, 0.0, 0.0] }
+        if factor > 0.0 { [factor * size, factor * y, factor * z, 0.0] } else { [-open / n[0], 0.0, 0.0, 0.0] }
     }
 }
 

@@ -137,6 +137,20 @@ impl RoughSweeps {
         (done, if last > limits.change * limits.change { End::Limit } else { End::Settled })
     }
 
+    /// The gaps (m) of all rows as the sweeps left them, of single precision; `false` where they do not know all.
+    pub(crate) fn gap_into(&self, view: &ProblemView<'_>, single: &SingleCompliance, delta: &mut [f64]) -> bool {
+        if 3 * self.contacts.len() != view.rows() {
+            return false;
+        }
+        for block in view.blocks {
+            let Some(gap) = single.place(block).and_then(|place| self.gap.get(place..)) else { return false };
+            for (to, from) in delta.iter_mut().skip(block.start).zip(gap).take(3) {
+                *to = f64::from(*from);
+            }
+        }
+        true
+    }
+
     /// Leaves out the contacts that are open without force, if they are many: columns that end sooner are summed sooner,
     /// here and in the steps behind.
     fn leave_out(&mut self, view: &ProblemView<'_>, single: &mut SingleCompliance) {

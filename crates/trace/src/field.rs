@@ -68,6 +68,18 @@ impl FieldValue for i32 {
     }
 }
 
+impl FieldValue for i64 {
+    const KIND: FieldKind = FieldKind::Sint64;
+
+    fn put(&self, number: u32, out: &mut Vec<u8>) {
+        put_sint(out, number, *self);
+    }
+
+    fn get(value: Value<'_>) -> Option<Self> {
+        u64::get(value).map(unzigzag)
+    }
+}
+
 /// `x, y, z`
 impl FieldValue for [f64; 3] {
     const KIND: FieldKind = FieldKind::Vector3;

@@ -14,6 +14,7 @@ pub(crate) enum FieldKind {
     Uint64,
     Uint32,
     Sint32,
+    Sint64,
     /// `foxglove.Vector3`
     Vector3,
     /// `foxglove.Quaternion`
@@ -59,6 +60,7 @@ impl FieldKind {
             Self::Uint32 => (13, None),
             Self::Enum(description) => (14, Some(format!(".palpate.{}", description.name))),
             Self::Sint32 => (17, None),
+            Self::Sint64 => (18, None),
         }
     }
 

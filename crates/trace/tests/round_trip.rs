@@ -73,6 +73,8 @@ impl Bits {
             gripper_energy: self.double(),
             gripper_account: self.double(),
             gripper_withheld: self.double(),
+            // Of either sign, the ends of the range among them.
+            host_lead_ns: self.count().cast_signed(),
         }
     }
 

@@ -8,7 +8,7 @@ use nalgebra::Matrix3;
 use palpate::constraints::compliance::{ComplianceMethod, MotionCorrection};
 use palpate::counted::counted;
 use palpate::fem::factor::{
-    ChangeStatus, Factor, FactorStatus, MatrixChange, SolveWorkspace, SymbolicFactor, UpdateStatus,
+    ChangeStatus, Factor, FactorPrecision, FactorStatus, MatrixChange, SolveWorkspace, SymbolicFactor, UpdateStatus,
 };
 use palpate::fem::pcg::{PcgConfig, PcgWorkspace, pcg};
 use palpate::fem::preconditioner::WarpedPreconditioner;
@@ -43,7 +43,7 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
         table.add_row([Cell::new(name), cell(predicted), cell(measured)]);
     };
     let plan = world.plan();
-    row(factorization(&world), Some(plan.factorization), Some(here.factorization));
+    row(factorization(&world), Some(plan.refresh()), Some(here.factorization));
     row("one solve with the factor", Some(plan.solve), Some(here.solve));
     row("one iteration with its copy in 16 bits", Some(plan.sampling.iteration), Some(here.iteration));
     row("the factor follows a change of one node", Some(plan.change_of_node()), here.change_of_node);
@@ -118,6 +118,9 @@ fn factorization(world: &World) -> &'static str {
         (IntegratorKind::Newton, _) => "factorisation, in every Newton iteration",
         (IntegratorKind::Explicit, _) => "factorisation, before the first step only",
         (_, Refactor::Step) => "factorisation, in every step",
+        (_, Refactor::Thread) if world.plan().precision == FactorPrecision::Single => {
+            "factorisation, by its own thread in single precision"
+        }
         (_, Refactor::Thread) => "factorisation, by its own thread",
         (_, Refactor::Once) => "factorisation, before the first step",
     }
@@ -126,6 +129,8 @@ fn factorization(world: &World) -> &'static str {
 /// Times of this body's own factor on this machine (s), on one core as the factor thread has.
 struct FactorTimes {
     factorization: f64,
+    /// In double precision, as a step would make it.
+    in_step: f64,
     solve: f64,
     /// Of the conjugate gradients: the copy as preconditioner, the product with the matrix, and vectors.
     iteration: f64,
@@ -153,7 +158,15 @@ impl FactorTimes {
         let solve = median(|| _ = factor.solve(&mut x, &mut workspace));
         let iteration = iteration(system, &factor, &mut workspace, &simulation.workspace().fem.rhs);
         let change_of_node = change_of_node(world, system);
-        Ok(Self { factorization: median(|| _ = factor.refactor(system)), solve, iteration, change_of_node })
+        let in_step = median(|| _ = factor.refactor(system));
+        let factorization = match world.plan().precision {
+            FactorPrecision::Double => in_step,
+            single => {
+                let mut factor = factor.computed_in(single);
+                median(|| _ = factor.refactor(system))
+            }
+        };
+        Ok(Self { factorization, in_step, solve, iteration, change_of_node })
     }
 }
 
@@ -208,8 +221,8 @@ fn other_choice(world: &World, here: &FactorTimes) -> Option<String> {
     let (body, plan) = (&world.description().bodies[0], world.plan());
     let chosen = plan.constant || plan.ladder.is_some();
     let automatic = body.compliance == ComplianceMethod::Automatic && body.refactor.is_none() && !chosen;
-    let fits = here.factorization <= Plan::largest_in_step(world.dt());
-    let milliseconds = 1e3 * here.factorization;
+    let fits = here.in_step <= Plan::largest_in_step(world.dt());
+    let milliseconds = 1e3 * here.in_step;
     match plan.refactor {
         Refactor::Thread if automatic && fits => Some(format!(
             "on this machine a factorisation takes {milliseconds:.1} ms and would fit in the step: \

@@ -34,11 +34,13 @@ use crate::{
     sparse::FIXED,
 };
 
-/// Volume ratio at a node below which a quadratic element is held open, or a linear one that is asked to be. Half of that below which laws are continued
-/// ([`EXTENSION_BELOW`](crate::material::neo_hookean::EXTENSION_BELOW)): tissue as far as any law knows it never meets it.
+/// Volume ratio at a node below which a quadratic element is held open, or a linear one that is asked to be. Half of that
+/// below which laws are continued ([`EXTENSION_BELOW`](crate::material::neo_hookean::EXTENSION_BELOW)): tissue as far as
+/// any law knows it never meets it.
 pub const OPEN_BELOW: f64 = 0.1;
 
-/// Volume ratio, of a quadratic element at a node, below which an element is watched: it may come under [`OPEN_BELOW`] within a step.
+/// Volume ratio, of a quadratic element at a node, below which an element is watched: it may come under [`OPEN_BELOW`]
+/// within a step.
 const WATCHED_BELOW: f64 = 0.5;
 
 /// Nodes of an element, each of which stands for as much of its volume.
@@ -54,6 +56,7 @@ struct Barrier {
 impl Hyperelastic for Barrier {
     const MIXED: bool = false;
     const CURVED: bool = false;
+    const CONTINUED: bool = false;
 
     fn validate(&self) -> Result<(), MaterialError> {
         Ok(())

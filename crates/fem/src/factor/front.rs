@@ -21,6 +21,7 @@ use faer::prelude::{Reborrow, ReborrowMut};
 use faer::{Accum, MatMut, MatRef, Par, Spec};
 
 use super::arena::Arena;
+use super::number::Number;
 use super::supernodal_tree::{Run, SupernodeTree};
 use super::workers::join;
 
@@ -34,26 +35,26 @@ const TASK_PRODUCTS: usize = 2_000_000;
 const PANEL_SCRATCH: usize = 8 * PANEL + 512;
 
 /// The update of a child and where it belongs in the front.
-struct Child<'a> {
+struct Child<'a, T> {
     runs: &'a [Run],
     /// Square, by columns; only the lower triangle counts.
-    update: &'a [f64],
+    update: &'a [T],
     size: usize,
 }
 
 /// The children of a front, whose updates lie in `updates`.
 #[derive(Clone, Copy)]
-pub(super) struct Children<'a> {
+pub(super) struct Children<'a, T> {
     pub(super) list: &'a [u32],
     pub(super) tree: &'a SupernodeTree,
     pub(super) arena: &'a Arena,
-    pub(super) updates: &'a [f64],
+    pub(super) updates: &'a [T],
     /// Where `updates` begins in the whole memory for updates.
     pub(super) updates_at: usize,
 }
 
-impl<'a> Children<'a> {
-    fn iter(self) -> impl Iterator<Item = Child<'a>> {
+impl<'a, T> Children<'a, T> {
+    fn iter(self) -> impl Iterator<Item = Child<'a, T>> {
         self.list.iter().map(move |&c| {
             let Range { start, end } = self.arena.update(c as usize);
             let update = &self.updates[start - self.updates_at..end - self.updates_at];
@@ -63,22 +64,22 @@ impl<'a> Children<'a> {
 }
 
 /// Columns `columns` of a front, from its row `first_row` down, in memory with `rows` numbers a column.
-struct FrontColumns<'a> {
-    values: &'a mut [f64],
+struct FrontColumns<'a, T> {
+    values: &'a mut [T],
     rows: usize,
     first_row: usize,
     columns: Range<usize>,
 }
 
-impl<'a> FrontColumns<'a> {
-    fn split(self, column: usize) -> (FrontColumns<'a>, FrontColumns<'a>) {
+impl<'a, T: Number> FrontColumns<'a, T> {
+    fn split(self, column: usize) -> (FrontColumns<'a, T>, FrontColumns<'a, T>) {
         let (left, right) = self.values.split_at_mut((column - self.columns.start) * self.rows);
         let part = |values, columns| FrontColumns { values, rows: self.rows, first_row: self.first_row, columns };
         (part(left, self.columns.start..column), part(right, column..self.columns.end))
     }
 
     /// Adds what the children pass on to these columns.
-    fn add_updates(&mut self, child: &Child<'_>) {
+    fn add_updates(&mut self, child: &Child<'_, T>) {
         for (k, run) in child.runs.iter().enumerate() {
             let target = run.target();
             let from = target.start.max(self.columns.start);
@@ -98,7 +99,7 @@ impl<'a> FrontColumns<'a> {
 
     /// Subtracts `panel panelᵀ`, of which row `r` belongs to row `first_row + r` of the front; or puts its negative in the
     /// place of what was there. Then adds the updates of `children`.
-    fn subtract_product(mut self, panel: MatRef<'_, f64>, accum: Accum, children: Option<Children<'_>>) {
+    fn subtract_product(mut self, panel: MatRef<'_, T>, accum: Accum, children: Option<Children<'_, T>>) {
         let Range { start, end } = self.columns;
         let (height, width) = (self.first_row + self.rows - start, end - start);
         if height * width * panel.ncols().max(1) > TASK_PRODUCTS && width >= 32 {
@@ -121,19 +122,19 @@ impl<'a> FrontColumns<'a> {
             BlockStructure::Rectangular,
             beside.transpose(),
             BlockStructure::Rectangular,
-            -1.0,
+            T::MINUS_ONE,
             Par::Seq,
         );
-        matmul(below.rb_mut(), accum, under, beside.transpose(), -1.0, Par::Seq);
+        matmul(below.rb_mut(), accum, under, beside.transpose(), T::MINUS_ONE, Par::Seq);
         for child in children.into_iter().flat_map(Children::iter) {
             self.add_updates(&child);
         }
     }
 }
 
-fn add(into: &mut [f64], source: &[f64]) {
+fn add<T: Number>(into: &mut [T], source: &[T]) {
     for (into, source) in into.iter_mut().zip(source) {
-        *into += source;
+        *into += *source;
     }
 }
 
@@ -144,11 +145,11 @@ fn add(into: &mut [f64], source: &[f64]) {
 ///
 /// # Errors
 /// The column, within the front, whose pivot is not positive.
-pub(super) fn factor_front(
-    own: &mut [f64],
+pub(super) fn factor_front<T: Number>(
+    own: &mut [T],
     width: usize,
-    update: &mut [f64],
-    children: Children<'_>,
+    update: &mut [T],
+    children: Children<'_, T>,
 ) -> Result<(), usize> {
     let rows = own.len() / width;
     let mut columns = FrontColumns { values: own, rows, first_row: 0, columns: 0..width };
@@ -177,7 +178,7 @@ pub(super) fn factor_front(
 }
 
 /// Cholesky of the square at the top, and the rows below times its inverse transpose.
-fn factor_panel(panel: MatMut<'_, f64>) -> Result<(), usize> {
+fn factor_panel<T: Number>(panel: MatMut<'_, T>) -> Result<(), usize> {
     let width = panel.ncols();
     let (mut top, below) = panel.split_at_row_mut(width);
     let mut scratch = [std::mem::MaybeUninit::uninit(); PANEL_SCRATCH];
@@ -196,7 +197,7 @@ fn factor_panel(panel: MatMut<'_, f64>) -> Result<(), usize> {
 }
 
 /// `rows <- rows Lᵀ⁻¹`.
-fn divide_rows(L: MatRef<'_, f64>, rows: MatMut<'_, f64>) {
+fn divide_rows<T: Number>(L: MatRef<'_, T>, rows: MatMut<'_, T>) {
     let (height, width) = (rows.nrows(), rows.ncols());
     if height * width * width > 2 * TASK_PRODUCTS && height >= 64 {
         let (upper, lower) = rows.split_at_row_mut((height / 2).next_multiple_of(8));

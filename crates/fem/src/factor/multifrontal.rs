@@ -1,8 +1,12 @@
 //! The walk over the fronts: children before parents, independent subtrees side by side.
 
+use std::marker::PhantomData;
 use std::ops::Range;
 
+use pulp::bytemuck::cast_slice_mut;
+
 use super::front::{Children, factor_front};
+use super::number::Number;
 use super::symbolic::SymbolicFactor;
 use super::workers::join;
 use crate::sparse::SystemMatrix;
@@ -16,39 +20,42 @@ pub(super) enum Fault {
     NonFinite,
 }
 
-/// What a walk reads.
+/// What a walk reads, and the numbers it computes with.
 #[derive(Clone, Copy)]
-struct Walk<'a> {
+struct Walk<'a, T> {
     symbolic: &'a SymbolicFactor,
     a: &'a SystemMatrix,
+    number: PhantomData<T>,
 }
 
 /// The part of the stored values and of the memory for updates that a subtree owns, and where each begins in the whole.
-struct Part<'a> {
+struct Part<'a, T> {
     values: &'a mut [f64],
     values_at: usize,
-    updates: &'a mut [f64],
+    updates: &'a mut [T],
     updates_at: usize,
 }
 
-/// Factors `P A Pᵀ` into `values`, with `updates` as scratch. The same bits for any number of threads.
+/// Factors `P A Pᵀ` into `values` by arithmetic on numbers `T`, with `updates` as scratch. The same bits for any number of
+/// threads.
 ///
 /// # Errors
 /// The fault that comes first in the order of elimination.
-pub(super) fn factor(
+pub(super) fn factor<T: Number>(
     symbolic: &SymbolicFactor,
     a: &SystemMatrix,
     values: &mut [f64],
     updates: &mut [f64],
 ) -> Result<(), Fault> {
-    let walk = Walk { symbolic, a };
+    let walk = Walk { symbolic, a, number: PhantomData::<T> };
+    let updates = cast_slice_mut(updates);
     walk.side_by_side(symbolic.tree().roots(), false, Part { values, values_at: 0, updates, updates_at: 0 })
 }
 
-impl Walk<'_> {
+impl<T: Number> Walk<'_, T> {
     /// The subtrees of siblings, which own the begin of `part`'s values. Regions descend where `low`, the end of the
     /// parent's update, is taken.
-    fn side_by_side(&self, siblings: &[u32], descending: bool, part: Part<'_>) -> Result<(), Fault> {
+    fn side_by_side(&self, siblings: &[u32], descending: bool, part: Part<'_, T>) -> Result<(), Fault> {
         let arena = self.symbolic.arena();
         match siblings {
             [] => Ok(()),
@@ -82,7 +89,7 @@ impl Walk<'_> {
     }
 
     /// The subtree of `s`, which owns all of `part`.
-    fn subtree(&self, s: usize, mut part: Part<'_>) -> Result<(), Fault> {
+    fn subtree(&self, s: usize, mut part: Part<'_, T>) -> Result<(), Fault> {
         let (tree, arena) = (self.symbolic.tree(), self.symbolic.arena());
         if !arena.is_split(s) {
             return (tree.first(s)..=s).try_for_each(|s| self.front(s, &mut part));
@@ -94,10 +101,13 @@ impl Walk<'_> {
     }
 
     /// One front, whose children are done.
-    fn front(&self, s: usize, part: &mut Part<'_>) -> Result<(), Fault> {
+    fn front(&self, s: usize, part: &mut Part<'_, T>) -> Result<(), Fault> {
         let (tree, arena) = (self.symbolic.tree(), self.symbolic.arena());
         let values = tree.value_start(s) - part.values_at..tree.value_start(s + 1) - part.values_at;
-        let own = &mut part.values[values];
+        let stored = &mut part.values[values];
+        // Narrower numbers take the first part of the memory until they are widened in their place.
+        let own = &mut cast_slice_mut(&mut *stored)[..];
+        let own = &mut own[..tree.value_start(s + 1) - tree.value_start(s)];
         if !self.symbolic.assemble(s, self.a, own) {
             return Err(Fault::NonFinite);
         }
@@ -114,6 +124,8 @@ impl Walk<'_> {
         };
         let columns = tree.columns(s);
         factor_front(own, columns.len(), update, Children { list: children, tree, arena, updates, updates_at })
-            .map_err(|column| Fault::Pivot(columns.start + column))
+            .map_err(|column| Fault::Pivot(columns.start + column))?;
+        T::widen(stored);
+        Ok(())
     }
 }

@@ -22,6 +22,22 @@ fn next_revision() -> u64 {
 /// 3e38.
 const SOUND: std::ops::RangeInclusive<f64> = 1e-24..=1e24;
 
+/// Share of a diagonal entry of `A` that a pivot must keep for single precision: numbers that are rounded by 6e-8 and have lost
+/// all but this share are wrong by 6e-5, less than what a copy in 16 bits rounds.
+const SMALLEST_SHARE: f64 = 1e-3;
+
+/// What a factorisation computes with. The factor is stored in double precision in either case.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FactorPrecision {
+    /// Exact to rounding.
+    #[default]
+    Double,
+    /// Half the memory traffic and twice as many numbers in a vector: for factors that are about to be those of an older
+    /// matrix. `L Lᵀ` differs from `A` by about 1e-7 of its diagonal. A matrix that it does not suffice for is factored
+    /// in double precision.
+    Single,
+}
+
 /// How a refactorisation ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FactorStatus {
@@ -56,6 +72,8 @@ pub struct FactorReport {
     /// Whether a copy in 16 bits is kept and the pivots lie beyond the range of solves with it, which then go by the stored
     /// values.
     pub copy_refused: bool,
+    /// What was computed with: double precision as well where single was wanted and did not suffice.
+    pub precision: FactorPrecision,
 }
 
 /// The numbers of one factorisation `P A Pᵀ = L Lᵀ`, and the memory to compute them again.
@@ -68,6 +86,7 @@ pub struct Factor {
     packed: Option<PackedCopy>,
     /// Whether the numbers of this factor lie well within the range of solves with it.
     packed_is_sound: bool,
+    precision: FactorPrecision,
     /// Update matrices of the fronts; scratch.
     updates: Vec<f64>,
     /// Zero while there is no valid factor.
@@ -86,6 +105,7 @@ impl Clone for Factor {
         copy.revision = if changed && self.is_valid() { next_revision() } else { self.revision };
         copy.packed.clone_from(&self.packed);
         copy.packed_is_sound = self.packed_is_sound;
+        copy.precision = self.precision;
         copy
     }
 }
@@ -100,6 +120,7 @@ impl Factor {
             symbolic,
             packed: None,
             packed_is_sound: false,
+            precision: FactorPrecision::Double,
             revision: 0,
         }
     }
@@ -108,6 +129,12 @@ impl Factor {
     pub fn with_packed_copy(symbolic: Arc<SymbolicFactor>) -> Self {
         let packed = Some(PackedCopy::new(symbolic.packed()));
         Self { packed, ..Self::new(symbolic) }
+    }
+
+    /// The same factor, which later refactorisations compute with numbers of this precision.
+    #[must_use]
+    pub fn computed_in(self, precision: FactorPrecision) -> Self {
+        Self { precision, ..self }
     }
 
     /// The shared symbolic part.
@@ -131,21 +158,29 @@ impl Factor {
     /// The same matrix gives the same bits whatever the memory held before. On failure the factor is invalid: every
     /// solve with it refuses and says so.
     pub fn refactor(&mut self, a: &SystemMatrix) -> FactorReport {
-        let failed = |status| FactorReport { status, smallest_pivot: 0.0, largest_pivot: 0.0, copy_refused: false };
+        let mut report = FactorReport {
+            status: FactorStatus::OtherPattern,
+            smallest_pivot: 0.0,
+            largest_pivot: 0.0,
+            copy_refused: false,
+            precision: FactorPrecision::Double,
+        };
         if !self.symbolic.fits(a) {
-            return failed(FactorStatus::OtherPattern);
+            return report;
         }
         self.revision = 0;
         if let Some(update) = &mut self.update {
             update.clear();
         }
-        let factored = multifrontal::factor(&self.symbolic, a, &mut self.values, &mut self.updates);
-        if let Err(fault) = factored {
-            return failed(match (self.symbolic.first_non_finite(a), fault) {
+        if self.precision == FactorPrecision::Single && self.factor_in_single(a) {
+            report.precision = FactorPrecision::Single;
+        } else if let Err(fault) = multifrontal::factor::<f64>(&self.symbolic, a, &mut self.values, &mut self.updates) {
+            report.status = match (self.symbolic.first_non_finite(a), fault) {
                 (Some(node), _) => FactorStatus::NonFinite { node },
                 (None, Fault::Pivot(row)) => self.symbolic.not_positive_at(row),
                 (None, Fault::NonFinite) => FactorStatus::NonFinite { node: 0 },
-            });
+            };
+            return report;
         }
         // a non-finite entry in row i of L would have made pivot i fail, so L is finite here
         let (smallest, largest) = self.pivot_range();
@@ -155,8 +190,19 @@ impl Factor {
             self.packed_is_sound = SOUND.contains(&smallest) && SOUND.contains(&largest);
         }
         self.revision = next_revision();
-        let copy_refused = self.keeps_copy() && !self.packed_is_sound;
-        FactorReport { status: FactorStatus::Ok, smallest_pivot: smallest, largest_pivot: largest, copy_refused }
+        (report.status, report.smallest_pivot, report.largest_pivot) = (FactorStatus::Ok, smallest, largest);
+        report.copy_refused = self.keeps_copy() && !self.packed_is_sound;
+        report
+    }
+
+    /// Factors `a` in single precision; false where that does not suffice, be it that there is no factor at all.
+    fn factor_in_single(&mut self, a: &SystemMatrix) -> bool {
+        if multifrontal::factor::<f32>(&self.symbolic, a, &mut self.values, &mut self.updates).is_err() {
+            return false;
+        }
+        self.pivots()
+            .enumerate()
+            .all(|(row, pivot)| SOUND.contains(&pivot) && pivot >= SMALLEST_SHARE * self.symbolic.diagonal(a, row))
     }
 
     /// Parts what is derived from now on from what was before.
@@ -166,19 +212,19 @@ impl Factor {
         }
     }
 
+    /// Squared diagonal entries of `L`.
+    fn pivots(&self) -> impl Iterator<Item = f64> + '_ {
+        let tree = self.symbolic.tree();
+        (0..tree.len()).flat_map(move |s| {
+            let rows = tree.columns(s).len() + tree.below(s);
+            let own = &self.values[tree.value_start(s)..tree.value_start(s + 1)];
+            own.iter().step_by(rows + 1).map(|entry| entry * entry)
+        })
+    }
+
     /// Smallest and largest squared diagonal entry of `L`.
     fn pivot_range(&self) -> (f64, f64) {
-        let (mut smallest, mut largest) = (f64::INFINITY, 0.0f64);
-        let llt = self.llt();
-        for s in 0..self.symbolic.supernode_count() {
-            let block = llt.supernode(s).val();
-            for j in 0..block.ncols() {
-                let pivot = block[(j, j)] * block[(j, j)];
-                smallest = smallest.min(pivot);
-                largest = largest.max(pivot);
-            }
-        }
-        (smallest, largest)
+        self.pivots().fold((f64::INFINITY, 0.0f64), |(least, most), pivot| (least.min(pivot), most.max(pivot)))
     }
 
     /// Whether refactorisations leave a copy in 16 bits, sound or not.

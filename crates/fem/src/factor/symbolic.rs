@@ -6,6 +6,7 @@ use faer::sparse::linalg::cholesky::{simplicial, supernodal};
 use nalgebra::Vector3;
 
 use super::arena::Arena;
+use super::number::Number;
 use super::numeric::FactorStatus;
 use super::packed::PackedLayout;
 use super::permuted_blocks::{PermutedBlocks, Triangle};
@@ -237,12 +238,12 @@ impl SymbolicFactor {
 
     /// Puts the columns of supernode `s` of `P A Pᵀ` into the columns of its front, zeros elsewhere. Only one of the
     /// blocks `(i, j)` and `(j, i)` is read. False if a value is not finite.
-    pub(super) fn assemble(&self, s: usize, a: &SystemMatrix, own: &mut [f64]) -> bool {
+    pub(super) fn assemble<T: Number>(&self, s: usize, a: &SystemMatrix, own: &mut [T]) -> bool {
         let columns = self.tree.columns(s);
         let rows = columns.len() + self.tree.below(s);
-        own.fill(0.0);
-        // 0 x finite = 0, 0 x (infinity or NaN) = NaN: one test at the end instead of one per value
-        let mut poison = 0.0;
+        own.fill(T::ZERO);
+        // 0 x (infinity or NaN) = NaN: one test at the end instead of one per value
+        let mut poison = T::ZERO;
         let nodes = columns.start / 3..columns.end / 3;
         for (node, own) in nodes.zip(own.chunks_exact_mut(3 * rows)) {
             let blocks = self.column_start[node]..self.column_start[node + 1];
@@ -252,13 +253,18 @@ impl SymbolicFactor {
                     // of the diagonal block, the lower triangle
                     let first = if k == 0 { c } else { 0 };
                     for r in first..3 {
-                        own[c * rows + place + r] = column[r];
-                        poison += 0.0 * column[r];
+                        own[c * rows + place + r] = T::rounded(column[r]);
+                        poison += T::ZERO * T::rounded(column[r]);
                     }
                 }
             }
         }
-        poison == 0.0
+        poison == T::ZERO
+    }
+
+    /// The diagonal entry of `P A Pᵀ` in this row.
+    pub(super) fn diagonal(&self, a: &SystemMatrix, row: usize) -> f64 {
+        a.blocks[self.source[self.column_start[row / 3]] as usize][(row % 3, row % 3)]
     }
 
     /// The first node, in free-node numbers, one of whose lower blocks holds a value that is not finite.

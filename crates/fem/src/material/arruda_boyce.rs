@@ -96,6 +96,7 @@ fn initial_shear(links: f64) -> f64 {
 impl Hyperelastic for ArrudaBoyce {
     const MIXED: bool = true;
     const CURVED: bool = true;
+    const CONTINUED: bool = true;
 
     fn validate(&self) -> Result<(), MaterialError> {
         validate_positive("modulus", self.modulus, "positive and finite in Pa (liver: 770)")?;

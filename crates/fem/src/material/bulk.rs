@@ -48,6 +48,7 @@ pub(super) struct UnderPressure<L> {
 impl<L: Hyperelastic> Hyperelastic for UnderPressure<L> {
     const MIXED: bool = L::MIXED;
     const CURVED: bool = L::CURVED;
+    const CONTINUED: bool = L::CONTINUED;
 
     fn validate(&self) -> Result<(), MaterialError> {
         self.law.validate()

@@ -81,6 +81,10 @@ impl PrincipalLaw for Corotational {
 impl Law for Corotational {
     elastic_moduli!();
 
+    fn is_continued(&self) -> bool {
+        false
+    }
+
     fn energy_density(&self, F: &Matrix3<f64>) -> f64 {
         let Lame { mu, lambda } = self.small_strain();
         let R = polar_rotation(F);

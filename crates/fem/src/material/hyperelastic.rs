@@ -47,6 +47,8 @@ pub trait Hyperelastic: Copy + Send + Sync {
     const MIXED: bool;
     /// Whether a `g` is not linear in `C`: `alpha` or `beta` is not zero.
     const CURVED: bool;
+    /// See [`Law::is_continued`].
+    const CONTINUED: bool;
 
     /// Checks the parameters against the law's range.
     fn validate(&self) -> Result<(), MaterialError>;
@@ -91,6 +93,10 @@ impl<L: Hyperelastic> Law for L {
 
     fn without_bulk(&self) -> Option<(Self, Bulk)> {
         Hyperelastic::without_bulk(self)
+    }
+
+    fn is_continued(&self) -> bool {
+        L::CONTINUED
     }
 
     #[inline]

@@ -43,6 +43,10 @@ impl Law for Linear {
         false
     }
 
+    fn is_continued(&self) -> bool {
+        false
+    }
+
     fn energy_density(&self, F: &Matrix3<f64>) -> f64 {
         let Lame { mu, lambda } = self.small_strain();
         let strain = small_strain(F);

@@ -76,6 +76,11 @@ pub trait Law: Copy + Send + Sync {
         true
     }
 
+    /// Whether the law ends at a flat element, and goes on as another function below the volume ratio
+    /// [`EXTENSION_BELOW`](neo_hookean::EXTENSION_BELOW); one that does not is the same polynomial or spectral function of
+    /// `F` everywhere.
+    fn is_continued(&self) -> bool;
+
     /// Energy density `Ψ(F)` (J/m³), zero at rest.
     fn energy_density(&self, F: &Matrix3<f64>) -> f64;
 
@@ -211,6 +216,10 @@ macro_rules! materials {
 
             fn is_frame_indifferent(&self) -> bool {
                 match self { $(Self::$variant(law) => law.is_frame_indifferent()),+ }
+            }
+
+            fn is_continued(&self) -> bool {
+                match self { $(Self::$variant(law) => law.is_continued()),+ }
             }
 
             fn energy_density(&self, F: &Matrix3<f64>) -> f64 {

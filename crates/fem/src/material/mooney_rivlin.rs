@@ -75,6 +75,7 @@ impl MooneyRivlin {
 impl Hyperelastic for MooneyRivlin {
     const MIXED: bool = true;
     const CURVED: bool = true;
+    const CONTINUED: bool = true;
 
     fn validate(&self) -> Result<(), MaterialError> {
         for (name, value) in [("c1", self.c1), ("c2", self.c2)] {

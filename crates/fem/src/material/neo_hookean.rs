@@ -86,6 +86,7 @@ impl NeoHookean {
 impl Hyperelastic for NeoHookean {
     const MIXED: bool = false;
     const CURVED: bool = false;
+    const CONTINUED: bool = true;
 
     elastic_moduli!();
 

@@ -248,6 +248,10 @@ impl Law for Ogden {
         Some((Self { bulk: 0.0, ..*self }, Bulk::Logarithmic { modulus: self.bulk }))
     }
 
+    fn is_continued(&self) -> bool {
+        true
+    }
+
     fn element_under_pressure(
         &self,
         element: &Tetrahedron,

@@ -38,6 +38,7 @@ elastic_parameters!(StVenantKirchhoff, "st_venant_kirchhoff");
 impl Hyperelastic for StVenantKirchhoff {
     const MIXED: bool = false;
     const CURVED: bool = true;
+    const CONTINUED: bool = false;
 
     elastic_moduli!();
 

@@ -37,6 +37,7 @@ elastic_parameters!(StableNeoHookean, "stable_neo_hookean");
 impl Hyperelastic for StableNeoHookean {
     const MIXED: bool = false;
     const CURVED: bool = true;
+    const CONTINUED: bool = false;
 
     elastic_moduli!();
 

@@ -90,6 +90,7 @@ impl VerondaWestmann {
 impl Hyperelastic for VerondaWestmann {
     const MIXED: bool = true;
     const CURVED: bool = true;
+    const CONTINUED: bool = true;
 
     fn validate(&self) -> Result<(), MaterialError> {
         if !(self.c2 > 0.0 && self.c2 <= 100.0) {

@@ -3,6 +3,7 @@
 mod change;
 mod config;
 mod elements;
+mod error;
 mod setup;
 
 use std::{ops::Range, sync::Arc};
@@ -12,7 +13,8 @@ use nalgebra::{Vector3, Vector6};
 pub(crate) use self::config::Tissue;
 pub use self::{
     change::CarriedMemory,
-    config::{FemConfig, FemError, MAX_STIFFNESS_RATIO},
+    config::{FemConfig, MAX_STIFFNESS_RATIO},
+    error::FemError,
 };
 use crate::{
     assembly::{PackLists, UpperBlocks},

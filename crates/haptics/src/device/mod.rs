@@ -30,13 +30,16 @@ pub struct TickTime {
     pub time: f64,
     /// Time since the tick before \[s\].
     pub dt: f64,
+    /// What this machine's clock says beyond `dt` \[s\], where that is by a device's: negative where the device's has run
+    /// ahead. The limits go by the smaller of both times. `None`: there is one clock.
+    pub host_lead: Option<f64>,
 }
 
 impl TickTime {
     /// Tick `index` of a regular clock with period `dt` \[s\].
     #[must_use]
     pub fn regular(index: u64, dt: f64) -> Self {
-        Self { index, time: index as f64 * dt, dt }
+        Self { index, time: index as f64 * dt, dt, host_lead: None }
     }
 }
 

@@ -44,6 +44,7 @@ pub use local::TickWorkspace;
 pub use patch::PatchTickConfig;
 pub use state::TickState;
 
+use course::Elapsed;
 use grip::is_sound;
 use local::Local;
 use patch::PatchMemory;
@@ -145,10 +146,11 @@ impl Tick {
         ws: &mut TickWorkspace,
     ) -> TickRecord {
         let mut flags = TickFlags::default();
-        let (dt, aged) = self.elapsed(state, time.dt, &mut flags);
-        if self.take_over(state, snapshot, aged, &mut flags) {
+        let elapsed = self.elapsed(state, &time, &mut flags);
+        if self.take_over(state, snapshot, &elapsed, &mut flags) {
             ws.forget();
         }
+        let (dt, motion) = (elapsed.granted, elapsed.motion);
         let outgoing = state.outgoing.take();
 
         let (sent, local) = if !is_sound(sample) {
@@ -157,7 +159,7 @@ impl Tick {
             state.cut();
             (Wrench::zero(), Local::EMPTY)
         } else {
-            self.observe(state, sample, aged);
+            self.observe(state, sample, motion);
             if snapshot.valid {
                 self.touch(state, snapshot, sample, dt, ws, &mut flags)
             } else {
@@ -168,12 +170,12 @@ impl Tick {
                 (self.limits.release(&mut state.limits, dt, &mut flags), Local::EMPTY)
             }
         };
-        self.passivity.keep(&mut state.passivity, &sent, local.active > 0, aged);
+        self.passivity.keep(&mut state.passivity, &sent, local.active > 0, motion);
 
         let gripper = self.grip(state, local.gripper, dt, &mut flags);
         let swapped = flags.contains(TickFlags::NEW_SNAPSHOT);
         let jump = outgoing.filter(|_| swapped).map_or(0.0, |before| (local.wrench.force - before).norm());
-        let record = record(state, snapshot, TickTime { dt: aged, ..time }, sent, &local, jump, flags);
+        let record = record(state, snapshot, (time, elapsed), sent, &local, jump, flags);
         TickRecord { gripper, ..record }
     }
 
@@ -187,13 +189,13 @@ impl Tick {
         error: DeviceError,
     ) -> TickRecord {
         let mut flags = TickFlags::DEVICE_ERROR;
-        let (_, aged) = self.elapsed(state, time.dt, &mut flags);
-        self.take_over(state, snapshot, aged, &mut flags);
+        let elapsed = self.elapsed(state, &time, &mut flags);
+        self.take_over(state, snapshot, &elapsed, &mut flags);
         state.device_velocity = Twist::default();
         state.cut();
         state.outgoing = None;
-        let record = record(state, snapshot, TickTime { dt: aged, ..time }, Wrench::zero(), &Local::EMPTY, 0.0, flags);
-        let gripper = self.grip(state, 0.0, aged, &mut TickFlags::default());
+        let record = record(state, snapshot, (time, elapsed), Wrench::zero(), &Local::EMPTY, 0.0, flags);
+        let gripper = self.grip(state, 0.0, elapsed.motion, &mut TickFlags::default());
         TickRecord { sampled: false, device_error: Some(error), gripper, ..record }
     }
 
@@ -226,7 +228,7 @@ fn is_velocity(velocity: &Twist) -> bool {
 fn record(
     state: &TickState,
     snapshot: &HapticSnapshot,
-    time: TickTime,
+    (time, elapsed): (TickTime, Elapsed),
     sent: Wrench,
     local: &Local,
     force_jump: f64,
@@ -235,7 +237,9 @@ fn record(
     TickRecord {
         index: time.index,
         time: time.time,
-        dt: time.dt,
+        dt: elapsed.motion,
+        host_lead: time.host_lead.unwrap_or(0.0),
+        granted: elapsed.granted,
         device_pose: state.device_pose,
         device_velocity: state.device_velocity,
         tool_pose: state.coupling.tool(&state.device_pose),

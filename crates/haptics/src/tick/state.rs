@@ -23,7 +23,11 @@ pub struct TickState {
     pub(super) patch: Option<PatchMemory>,
     /// The step whose snapshot is in use.
     pub(super) step: Option<u64>,
+    /// How that snapshot numbers features.
+    pub(super) numbering: u32,
     pub(super) age: f64,
+    /// Ticks in a row that came within no time.
+    pub(super) in_no_time: u32,
     /// Contact force of the snapshot that is about to be replaced, at the pose of this tick \[N\].
     pub(super) outgoing: Option<Vector3<f64>>,
     pub(super) device_pose: Isometry3<f64>,
@@ -45,7 +49,9 @@ impl TickState {
             warm_start: WarmStart::new(max_contacts),
             patch: None,
             step: None,
+            numbering: 0,
             age: f64::INFINITY,
+            in_no_time: 0,
             outgoing: None,
             device_pose: Isometry3::identity(),
             device_velocity: Twist::default(),
@@ -54,15 +60,14 @@ impl TickState {
         }
     }
 
-    /// Takes the force off and forgets everything but the capacity.
+    /// Takes the force off and forgets everything but the capacity: what follows is what would follow in a new state.
     pub fn reset(&mut self) {
-        self.cut();
-        self.passivity = PassivityState::default();
-        self.jump = JumpState::default();
+        self.forget_patch();
         self.warm_start.clear();
-        self.step = None;
-        self.age = f64::INFINITY;
-        self.outgoing = None;
+        // Without memory of its own, so that nothing is allocated or freed.
+        let nothing = Self::new(0);
+        let (warm_start, patch) = (std::mem::replace(&mut self.warm_start, nothing.warm_start), self.patch.take());
+        *self = Self { warm_start, patch, ..Self::new(0) };
     }
 
     /// Takes the force off at once, lets its return be a ramp, and forgets the stretch of the coupling.

@@ -32,11 +32,14 @@ pub(crate) struct Sheet {
     pub(crate) movable: bool,
     /// Nodes that the patch may have.
     pub(crate) max_nodes: usize,
+    /// Whether edges and triangles are numbered in another order, as after a cut.
+    pub(crate) renumbered: bool,
 }
 
 impl Sheet {
     pub(crate) fn springs(compliance: f64) -> Self {
-        Self { compliance, coupling: 0.0, friction: 0.0, lift: Vector3::zeros(), movable: true, max_nodes: 40 }
+        let (lift, max_nodes) = (Vector3::zeros(), 40);
+        Self { compliance, coupling: 0.0, friction: 0.0, lift, movable: true, max_nodes, renumbered: false }
     }
 
     pub(crate) fn node(self, name: u32) -> Vector3<f64> {
@@ -53,7 +56,11 @@ impl Sheet {
             let (a, b, c, d) = (corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1));
             [[a, b, c], [a, c, d]]
         });
-        (SurfaceGeometry::new(triangles.collect(), &nodes).expect("a sheet"), nodes)
+        let mut triangles: Vec<_> = triangles.collect();
+        if self.renumbered {
+            triangles.reverse();
+        }
+        (SurfaceGeometry::new(triangles, &nodes).expect("a sheet"), nodes)
     }
 
     /// Fills the snapshot of a step with the sheet around the ball at `pose`.
@@ -84,6 +91,7 @@ impl Sheet {
         patch.relieve();
         patch.law = if friction > 0.0 { Coulomb { friction }.into() } else { Signorini.into() };
         (patch.valid, patch.left_out) = (true, report.left_out as u32);
+        snapshot.numbering = u32::from(self.renumbered);
         (snapshot.step, snapshot.dt, snapshot.valid, snapshot.tool_pose) = (step, 1.0 / 30.0, true, *pose);
     }
 

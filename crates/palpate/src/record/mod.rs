@@ -160,3 +160,7 @@ fn nanoseconds(seconds: f64) -> u64 {
     // Saturates: negative and non-finite times become 0.
     (seconds * 1e9).round() as u64
 }
+
+fn signed_nanoseconds(seconds: f64) -> i64 {
+    (seconds * 1e9).round() as i64
+}

@@ -4,7 +4,7 @@ use palpate_haptics::record::TickFlags;
 use palpate_trace as trace;
 use palpate_trace::TickTrace;
 
-use super::nanoseconds;
+use super::{nanoseconds, signed_nanoseconds};
 use crate::tick::TickReport;
 
 /// The tick's way into the trace.
@@ -73,6 +73,7 @@ impl TickLine {
             gripper_withheld: r.gripper.withheld,
             torque_unlimited: r.contact_wrench.torque.into(),
             energy: r.energy.account,
+            host_lead_ns: signed_nanoseconds(r.host_lead),
         });
     }
 }

@@ -17,7 +17,7 @@ use palpate_trace::{FactorStatus, StepRecord, TickFlags, TickRecord, Trace};
 use super::Comparison;
 use crate::changes::{ChangeQueue, requests};
 use crate::engine::publish_rest;
-use crate::pace::seconds;
+use crate::pace::{seconds, signed_seconds};
 use crate::record::{DEVICE_RECORD, TickLine};
 use crate::refresh::FactorSample;
 use crate::run::{Observer, RunError};
@@ -56,8 +56,10 @@ pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_
             steps.rest();
         }
         let time = seconds(record.time_ns);
+        // Before the first tick no clock has measured anything. Traces from before there was a lead have none.
+        let host_lead = before.map(|_| signed_seconds(record.host_lead_ns));
         let dt = ticker.since(before.replace(time), time);
-        let record = ticker.tick(time, dt);
+        let record = ticker.tick_by(time, dt, host_lead);
         comparison.tick(&TickReport { record, latency: 0.0, work: 0.0, overruns: 0 });
     }
     Ok(if trace.ticks.is_empty() { Reached::MissingRecord } else { Reached::End })
@@ -141,7 +143,7 @@ impl<'a> Steps<'a> {
         };
         for factor in self.trace.factors.iter().filter(made) {
             let (q, system) = (self.state.before(), &self.ws.fem.system);
-            let sample = FactorSample::new(self.world.symbolic(), factor.epoch, number, time, q, system);
+            let sample = FactorSample::new(self.world, factor.epoch, number, time, q, system);
             let mut sample = sample.ok()?;
             if self.world.changes_ever() {
                 sample.remember(&self.state.state_before().memory);

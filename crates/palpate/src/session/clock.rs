@@ -4,6 +4,13 @@
 //! as it runs forward and keeps pace. Where it stands still, runs backwards, or gains or loses more than [`LARGEST_LEAD`]
 //! against this machine's within [`WINDOW`], as a clock in another unit does at once, this machine's serves instead, for
 //! [`PROBATION`].
+//!
+//! A clock that is believed tells how time is divided between ticks, not how much there is: it cannot give more time than this
+//! machine's has given and it has not told yet,
+//! ```text
+//! t = min(device's, host's + spare)      spare ← spare + host's − t
+//! ```
+//! so samples that a stalled bus delivers late are still a tick apart each, and a timestamp that leaps ahead is no time gone by.
 
 /// Lead or lag of the device's clock at which it is no longer believed (ns). A burst of late samples of a stalled bus is
 /// shorter.
@@ -15,6 +22,10 @@ pub const WINDOW: u64 = 1_000_000_000;
 /// Time for which a clock that failed is not believed (ns).
 pub const PROBATION: u64 = 1_000_000_000;
 
+/// What wake-ups of this machine may differ by from tick to tick (ns): kept to spare from window to window, where more would
+/// gather by drift. A timestamp that runs ahead by more in one tick has leapt.
+const JITTER: u64 = 2_000_000;
+
 /// What a timestamp was worth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClockEvent {
@@ -24,8 +35,24 @@ pub enum ClockEvent {
     Still,
     /// The device's clock ran backwards.
     Backwards,
-    /// The device's clock does not keep pace with this machine's.
+    /// The device's clock does not keep pace with this machine's, or has leapt ahead.
     Unsteady,
+}
+
+/// Time between two ticks (ns).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Elapsed {
+    /// What counts as the time between them.
+    pub time: u64,
+    /// The same by this machine's clock alone.
+    pub host: u64,
+}
+
+impl Elapsed {
+    /// By how much this machine's clock says more (ns).
+    pub fn host_lead(&self) -> i64 {
+        self.host.saturating_sub(self.time) as i64 - self.time.saturating_sub(self.host) as i64
+    }
 }
 
 /// The clock of the ticks of one port.
@@ -37,21 +64,25 @@ pub struct DeviceClock {
     anchor: Option<(u64, u64)>,
     /// This machine's time until which the device's clock is not believed (ns).
     doubted_until: u64,
+    /// Time of this machine's that the device's clock has not told yet (ns).
+    spare: u64,
 }
 
 impl DeviceClock {
-    /// Time since the tick before (ns) for a sample stamped `stamp` (ns) at `host` (ns), a clock that never runs
+    /// Time since the tick before for a sample stamped `stamp` (ns) at `host` (ns), a clock that never runs
     /// backwards; `None` at the first tick.
-    pub fn advance(&mut self, stamp: Option<u64>, host: u64) -> (Option<u64>, ClockEvent) {
+    pub fn advance(&mut self, stamp: Option<u64>, host: u64) -> (Option<Elapsed>, ClockEvent) {
         let before = self.before.replace((stamp, host));
         let Some((stamp_before, host_before)) = before else {
             self.anchor = stamp.map(|stamp| (stamp, host));
             return (None, ClockEvent::Sound);
         };
         let by_host = host.saturating_sub(host_before);
+        let as_host = Some(Elapsed { time: by_host, host: by_host });
         let (Some(stamp), Some(stamp_before)) = (stamp, stamp_before) else {
             self.anchor = stamp.map(|stamp| (stamp, host));
-            return (Some(by_host), ClockEvent::Sound);
+            self.spare = 0;
+            return (as_host, ClockEvent::Sound);
         };
         let event = match stamp.cmp(&stamp_before) {
             std::cmp::Ordering::Less => ClockEvent::Backwards,
@@ -59,14 +90,25 @@ impl DeviceClock {
             std::cmp::Ordering::Greater => self.pace(stamp, host),
         };
         match event {
-            ClockEvent::Sound if host >= self.doubted_until => (Some(stamp - stamp_before), event),
-            ClockEvent::Sound => (Some(by_host), ClockEvent::Unsteady),
+            ClockEvent::Sound if host >= self.doubted_until => self.divide(stamp - stamp_before, by_host),
+            ClockEvent::Sound => (as_host, ClockEvent::Unsteady),
             _ => {
                 self.anchor = Some((stamp, host));
                 self.doubted_until = host.saturating_add(PROBATION);
-                (Some(by_host), event)
+                self.spare = 0;
+                (as_host, event)
             }
         }
+    }
+
+    /// The time between two ticks by a clock that is believed.
+    fn divide(&mut self, by_device: u64, by_host: u64) -> (Option<Elapsed>, ClockEvent) {
+        let given = by_host.saturating_add(self.spare);
+        let time = by_device.min(given);
+        self.spare = given - time;
+        let leapt = by_device - time > JITTER;
+        let event = if leapt { ClockEvent::Unsteady } else { ClockEvent::Sound };
+        (Some(Elapsed { time, host: by_host }), event)
     }
 
     /// Whether the device's clock has kept pace since the window began.
@@ -78,6 +120,7 @@ impl DeviceClock {
         }
         if by_host >= WINDOW {
             self.anchor = Some((stamp, host));
+            self.spare = self.spare.min(JITTER);
         }
         ClockEvent::Sound
     }
@@ -91,7 +134,8 @@ mod tests {
 
     /// Ticks `clock` at these stamps and host times; the times between that it answered.
     fn run(clock: &mut DeviceClock, ticks: impl IntoIterator<Item = (u64, u64)>) -> Vec<(Option<u64>, ClockEvent)> {
-        ticks.into_iter().map(|(stamp, host)| clock.advance(Some(stamp), host)).collect()
+        let advance = |(stamp, host)| clock.advance(Some(stamp), host);
+        ticks.into_iter().map(advance).map(|(elapsed, event)| (elapsed.map(|e| e.time), event)).collect()
     }
 
     #[test]
@@ -101,6 +145,42 @@ mod tests {
         let answers = run(&mut DeviceClock::default(), ticks);
         assert_eq!(answers[0], (None, ClockEvent::Sound));
         assert!(answers[1..].iter().all(|&answer| answer == (Some(MS), ClockEvent::Sound)));
+    }
+
+    #[test]
+    fn a_leap_is_no_time_and_what_a_stalled_bus_delivers_late_is() {
+        let mut clock = DeviceClock::default();
+        let leapt = run(&mut clock, (0..100_u64).map(|k| ((k + k / 50 * 49) * MS, k * MS)));
+        assert_eq!(leapt[50], (Some(MS), ClockEvent::Unsteady));
+        assert!(leapt[1..50].iter().chain(&leapt[51..]).all(|&answer| answer == (Some(MS), ClockEvent::Sound)));
+        // 20 ms without a call, then 20 calls within 0.2 ms, with their timestamps.
+        let late = run(
+            &mut DeviceClock::default(),
+            (0..100_u64).map(|k| (k * MS, if (30..50).contains(&k) { 50 * MS + k * 10_000 } else { k * MS })),
+        );
+        assert!(late[1..].iter().all(|&answer| answer.1 == ClockEvent::Sound));
+        assert!(late[1..50].iter().all(|&answer| answer.0 == Some(MS)), "{late:?}");
+    }
+
+    #[test]
+    fn a_clock_never_gives_more_time_than_this_machine_has_given() {
+        // Drifts, jitter, leaps and stalls of either clock, from a generator of 31 bits.
+        let (mut clock, mut state) = (DeviceClock::default(), 12345_u64);
+        let (mut stamp, mut host, mut total) = (5 * MS, 0, 0);
+        for _ in 0..200_000 {
+            let mut draw = |most: u64| {
+                state = (state * 1_103_515_245 + 12_345) & 0x7fff_ffff;
+                (state >> 8) % most
+            };
+            let (kind, size) = (draw(40), draw(30 * MS));
+            host += if kind == 0 { size } else { draw(2 * MS) };
+            stamp += if kind == 1 { size } else { draw(2 * MS) };
+            let (elapsed, _) = clock.advance(Some(stamp), host);
+            let elapsed = elapsed.unwrap_or(Elapsed { time: 0, host: 0 });
+            total += elapsed.time;
+            assert!(total <= host, "{total} ns in {host} ns");
+            assert_eq!(elapsed.time as i64 + elapsed.host_lead(), elapsed.host as i64);
+        }
     }
 
     #[test]
@@ -132,7 +212,7 @@ mod tests {
         assert!(run(&mut DeviceClock::default(), ticks).iter().all(|a| a.1 == ClockEvent::Sound));
         let mut clock = DeviceClock::default();
         clock.advance(None, 3);
-        assert_eq!(clock.advance(None, 10), (Some(7), ClockEvent::Sound));
+        assert_eq!(clock.advance(None, 10), (Some(Elapsed { time: 7, host: 7 }), ClockEvent::Sound));
     }
 
     #[test]

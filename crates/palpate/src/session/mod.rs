@@ -182,8 +182,8 @@ impl Session {
 
     /// Changes the body while it runs: nodes released or held, elements removed. The changed body is made on the
     /// calling thread, in some ten milliseconds per thousand nodes, while steps and ticks go on; the first step that
-    /// begins afterwards takes it, or where the scene has events the first after the last of them. Calls from several
-    /// threads are done one after another. What happens, in words.
+    /// begins afterwards takes it, or where the scene has events the first after the last of them
+    /// ([`Self::changes_wait_until`]). Calls from several threads are done one after another. What happens, in words.
     ///
     /// The trace keeps what was asked for and the step that took it, and a replay does it again.
     ///
@@ -212,16 +212,6 @@ impl Session {
     /// Counts and tails so far, at most some 50 ms old.
     pub fn statistics(&self) -> Statistics {
         self.ledger.statistics()
-    }
-
-    /// Where the bodies are after the latest step. No thread waits for it.
-    pub fn shape(&mut self) -> &Shape {
-        self.shapes.latest()
-    }
-
-    /// Triangles of the soft body's surface, by the phase of a shape.
-    pub fn skins(&self) -> Arc<Skins> {
-        Arc::clone(&self.skins)
     }
 
     /// Ends the threads and the trace; the answer is `None` the second time.

@@ -16,7 +16,7 @@ use palpate_haptics::wrench::{Twist, Wrench};
 use super::clock::{ClockEvent, DeviceClock};
 use super::motion::Motion;
 use super::{Phase, Shared};
-use crate::pace::seconds;
+use crate::pace::{seconds, signed_seconds};
 use crate::tick::{TickRecord, TickReport, TickStage};
 
 /// What a device measured, in its own frame.
@@ -54,7 +54,7 @@ pub struct PortReport {
     pub wrench: Wrench,
     /// The tool behind the coupling, in the device's frame: what a screen shows.
     pub tool: Isometry3<f64>,
-    /// Time since the tick before that the limits were given (s); a period at the first.
+    /// Time since the tick before that the limits were given (s), no more than either clock's; a period at the first.
     pub dt: f64,
     /// What the device's timestamp was worth.
     pub clock: ClockEvent,
@@ -155,12 +155,16 @@ impl Port {
 
     /// One tick. Before the session has started there is no force.
     pub fn tick(&mut self, sample: &PortSample) -> PortReport {
-        let begin = Instant::now();
+        self.tick_at(sample, Instant::now())
+    }
+
+    /// One tick that began at `begin`.
+    fn tick_at(&mut self, sample: &PortSample, begin: Instant) -> PortReport {
         let host = nanoseconds(begin.saturating_duration_since(self.epoch));
         let (elapsed, clock) = self.clock.advance(sample.time_ns, host);
         let phase = self.shared.phase();
         let pose = sample.pose();
-        let estimate = self.motion.advance(&pose, elapsed.map(seconds));
+        let estimate = self.motion.advance(&pose, elapsed.map(|elapsed| seconds(elapsed.time)));
         let velocity = sample
             .velocity
             .map_or(estimate, |[linear, angular]| Twist { linear: linear.into(), angular: angular.into() });
@@ -181,13 +185,14 @@ impl Port {
         // Whole nanoseconds, as a trace keeps them: a replay divides by the same times.
         let before = self.time_ns;
         let time_ns = match (before, elapsed) {
-            (Some(before), Some(elapsed)) => before.saturating_add(elapsed),
+            (Some(before), Some(elapsed)) => before.saturating_add(elapsed.time),
             _ => begun.unwrap_or(0),
         };
         self.time_ns = Some(time_ns);
         let time = seconds(time_ns);
         let dt = self.stage.since(before.map(seconds), time);
-        let record = self.stage.tick(&mut self.device, time, dt);
+        let lead = before.and(elapsed).map(|elapsed| signed_seconds(elapsed.host_lead()));
+        let record = self.stage.tick(&mut self.device, time, dt, lead);
         let work = begin.elapsed().as_secs_f64();
         let overruns = before.map_or(0, |_| missed(dt, self.stage.period()));
         if phase.is_live() {
@@ -197,7 +202,7 @@ impl Port {
         }
         let wrench = self.place.wrench_in_device(&record.wrench);
         let tool = self.place.pose_in_device(&record.tool_pose);
-        PortReport { record, wrench, tool, dt, clock, phase, work }
+        PortReport { record, wrench, tool, dt: record.granted, clock, phase, work }
     }
 }
 
@@ -219,15 +224,30 @@ fn nanoseconds(duration: std::time::Duration) -> u64 {
 }
 
 #[cfg(test)]
+mod two_clocks;
+
+#[cfg(test)]
 mod tests {
     use std::path::Path;
     use std::sync::Arc;
     use std::time::Instant;
 
+    use nalgebra::Isometry3;
+
     use super::{Phase, PortSample, missed};
+    use crate::replay::replay;
     use crate::run::RunOptions;
     use crate::session::Session;
     use crate::slide::slide;
+
+    const SAMPLE: PortSample = PortSample {
+        time_ns: None,
+        position: [0.015, 0.02, 0.06],
+        orientation: [1.0, 0.0, 0.0, 0.0],
+        velocity: None,
+        buttons: 0,
+        gripper: 0.25,
+    };
 
     /// As a thread may see it that ticks while another one starts the session.
     #[test]
@@ -236,19 +256,11 @@ mod tests {
         let path = folder.path().join("start.mcap");
         let options = RunOptions { trace: Some(path.clone()), threads: Some(1), ..RunOptions::default() };
         let (mut session, mut port) = Session::open(Arc::new(slide(0.8)), &options).unwrap();
-        let sample = PortSample {
-            time_ns: None,
-            position: [0.015, 0.02, 0.06],
-            orientation: [1.0, 0.0, 0.0, 0.0],
-            velocity: None,
-            buttons: 0,
-            gripper: 1.0,
-        };
         session.shared.start.set(Instant::now()).unwrap();
-        let ready = port.tick(&sample);
+        let ready = port.tick(&SAMPLE);
         assert_eq!(ready.phase, Phase::Ready);
         assert!(session.start());
-        let live: Vec<_> = (0..5).map(|_| port.tick(&sample)).collect();
+        let live: Vec<_> = (0..5).map(|_| port.tick(&SAMPLE)).collect();
         assert!(live.iter().all(|report| report.phase == Phase::Running));
         assert_eq!(live[0].record.index, 0, "the first of the trace");
         session.stop().unwrap().unwrap();
@@ -256,6 +268,22 @@ mod tests {
             palpate_trace::Trace::load(path).unwrap().ticks.iter().map(|tick| tick.tick).collect()
         };
         assert_eq!(numbers(&path), [0, 1, 2, 3, 4]);
+    }
+
+    #[test]
+    fn a_device_that_loses_its_pose_at_the_start_has_none_from_before_and_replays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lost.mcap");
+        let options = RunOptions { trace: Some(path.clone()), threads: Some(1), ..RunOptions::default() };
+        let (mut session, mut port) = Session::open(Arc::new(slide(0.8)), &options).unwrap();
+        assert_eq!(port.tick(&SAMPLE).record.device_pose, Isometry3::translation(0.015, 0.02, 0.06));
+        assert!(session.start());
+        let lost = port.tick(&PortSample { position: [f64::NAN; 3], ..SAMPLE }).record;
+        assert_eq!((lost.device_pose, lost.gripper.device), (Isometry3::identity(), 1.0), "nothing is known of it");
+        (0..20).for_each(|_| _ = port.tick(&SAMPLE));
+        session.stop().unwrap().unwrap();
+        let report = replay(&path).unwrap();
+        assert!(report.is_identical() && report.ticks == 21, "{report:?}");
     }
 
     #[test]

@@ -3,8 +3,9 @@
 use nalgebra::Vector3;
 use palpate_haptics::exchange::{Reader, Writer, latest};
 
+use super::Session;
 use crate::step::{StepState, placements};
-use crate::world::World;
+use crate::world::{Change, World};
 
 /// The bodies at the end of a step.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +21,21 @@ pub struct Shape {
     pub positions: Vec<Vector3<f64>>,
     /// Origin of the shape of each rigid body (m), and its orientation `[x, y, z, w]`.
     pub rigid: Vec<([f64; 3], [f64; 4])>,
+}
+
+impl Session {
+    /// Where the bodies are after the latest step. No thread waits for it.
+    pub fn shape(&mut self) -> &Shape {
+        self.shapes.latest()
+    }
+
+    /// Time of the scene's last event (s) where the latest step was before it: changes from outside are made from the body
+    /// that it leaves, and wait for it. `None` where the next step takes them.
+    pub fn changes_wait_until(&mut self) -> Option<f64> {
+        let events = self.world.changes();
+        let passed = self.shapes.latest().phase >= events.len();
+        events.last().filter(|_| !passed).map(Change::time)
+    }
 }
 
 /// The step's end of the hand-over. Fills in place: a screen that does not look costs the step a copy of its nodes, and

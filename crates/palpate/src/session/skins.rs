@@ -4,7 +4,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use palpate_trace::Skin;
 
+use super::Session;
 use crate::world::{Change, World};
+
+impl Session {
+    /// Triangles of the soft body's surface, by the phase of a shape.
+    pub fn skins(&self) -> Arc<Skins> {
+        Arc::clone(&self.skins)
+    }
+}
 
 /// Skins by phase ([`Shape::phase`](super::Shape)). Events are known from the start, changes from outside since they
 /// were made.

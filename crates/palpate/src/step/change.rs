@@ -145,6 +145,7 @@ fn begin(world: &World, change: &Change, state: &mut StepState, ws: &mut StepWor
         std::mem::swap(&mut ws.windings, &mut other.windings);
     }
     state.phase += 1;
+    state.cuts += u32::from(change.cuts());
     if let Some(began) = state.began.get_mut(state.phase) {
         *began = state.step;
     }

@@ -20,7 +20,7 @@ use palpate_fem::assembly::{FoldReport, incremental_energy};
 use palpate_fem::element::ElementKind;
 use palpate_fem::integrator::backward_euler::newton_step;
 use palpate_fem::integrator::newton::{ImplicitWorkspace, NewtonConfig, NewtonStatus};
-use palpate_fem::material::neo_hookean::EXTENSION_BELOW;
+use palpate_fem::material::{Law, neo_hookean::EXTENSION_BELOW};
 
 use super::{StepReport, StepState, StepWorkspace};
 use crate::world::{Integration, World};
@@ -32,9 +32,6 @@ const MANY: u32 = 10;
 /// Those of linear tissue in trouble. On a block of 768 elements, beyond all reason, two leave 7 of 90 cases astray, one 10,
 /// three or four 9, and none 16.
 const FEW: u32 = 2;
-
-/// Laws that are smooth through a flat element: crushed bodies of these come back without being repeated.
-const SMOOTH: [&str; 4] = ["linear", "corotational", "st_venant_kirchhoff", "stable_neo_hookean"];
 
 /// Residual at which they end, relative to the forces that it balances.
 const TOLERANCE: f64 = 1e-3;
@@ -84,11 +81,12 @@ fn repeats(world: &World, state: &StepState) -> NewtonConfig {
     NewtonConfig { iterations, tolerance }
 }
 
-/// Whether some of the tissue has a law that is continued below a volume ratio, whose linearised steps tear it.
+/// Whether some of the tissue has a law that is continued below a volume ratio, whose linearised steps tear it. Crushed
+/// bodies of other laws come back without being repeated.
 fn tears(world: &World) -> bool {
     let body = &world.description().bodies[0];
     let tissues = std::iter::once(&body.material).chain(body.regions.values());
-    tissues.into_iter().any(|tissue| !SMOOTH.contains(&tissue.law.name()))
+    tissues.into_iter().any(|tissue| tissue.law.is_continued())
 }
 
 /// Shortens `ws.v_free` where the potential would grow, and repeats it where tissue is in trouble; counts both. Returns

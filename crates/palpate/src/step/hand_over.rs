@@ -27,7 +27,7 @@ pub(super) fn hand_over(
     // The tick takes number 0 for "no step yet".
     snapshot.step = report.step + 1;
     snapshot.time = input.time + world.dt();
-    snapshot.dt = ws.dt;
+    (snapshot.dt, snapshot.numbering) = (ws.dt, state.cuts);
     (snapshot.tool_pose, snapshot.opening) = (input.tool.frame, input.tool.opening);
     snapshot.factor_epoch = input.factor.epoch;
     snapshot.factor_age = report.factor_age;

@@ -9,11 +9,13 @@
 //! Contacts of the tool with fixed and rigid bodies, and of tissue and rigid bodies with fixed ones, are a part of the patch
 //! ([`body_contacts`](super::body_contacts)). While the tool's have no room, the tick has the step's rows.
 
+mod rows;
+
 use nalgebra::{DMatrixViewMut, Vector3};
 use palpate_collision::tool::Tool;
 use palpate_collision::{PatchConfig, PatchGathering, ToolPose};
 use palpate_constraints::condensed::condense;
-use palpate_constraints::rows::{ContactRows, ToolRow};
+use palpate_constraints::rows::ContactRows;
 use palpate_fem::sparse::FIXED;
 use palpate_haptics::patch::HapticPatch;
 
@@ -129,56 +131,20 @@ fn compliance(
     report: &mut StepReport,
     patch: &mut HapticPatch,
 ) -> bool {
-    let free = world.model().free_of_node();
-    let (rows, n) = (&mut stage.rows, patch.degrees_of_freedom());
-    rows.clear();
-    let bodies = &stage.bodies;
-    for block in bodies.blocks() {
-        for r in block.range() {
-            rows.tissue.push_row(bodies.rows.tissue.row(r));
-            rows.rigid.push_row(bodies.rows.rigid.row(r).iter().copied());
-            push_nothing(rows);
-        }
-        // A contact has three coordinates in C; without friction nothing acts along two.
-        for _ in block.range().len()..3 {
-            rows.tissue.push_row([]);
-            rows.rigid.push_row([]);
-            push_nothing(rows);
-        }
-    }
-    for &node in &patch.skin().nodes()[..patch.skin().movable()] {
-        for k in 0..3 {
-            rows.tissue.push_row([(free[node as usize], Vector3::ith(k, 1.0))]);
-            rows.rigid.push_row([]);
-            push_nothing(rows);
-        }
-    }
-    // Rows that are closed and do not touch the tool.
-    let laws = ws.problem.view().blocks;
-    for (k, block) in ws.rows.blocks.iter().enumerate().skip(ws.rigid.tool_blocks) {
-        let Some(force) = ws.lambda.get(block.range()).filter(|force| force[0] > 0.0 && !bodies.keeps(k)) else {
-            continue;
-        };
-        let force = Vector3::from_fn(|i, _| force.get(i).copied().unwrap_or(0.0));
-        let sticks = laws.get(k).is_none_or(|block| block.law.sticks(&force));
-        let held = block.range().take(if sticks { block.range().len() } else { 1 });
-        if rows.len() + held.len() <= stage.max_rows {
-            for r in held {
-                rows.tissue.push_row(ws.rows.tissue.row(r));
-                rows.rigid.push_row(ws.rows.rigid.row(r).iter().copied());
-                push_nothing(rows);
-            }
-        }
-    }
-    let all = rows.len();
+    let n = patch.degrees_of_freedom();
+    stage.rows.clear();
+    stage.push_bodies();
+    stage.push_nodes(world.model().free_of_node(), patch.skin());
+    stage.push_held(ws);
+    let all = stage.rows.len();
     stages::own_factor(world, ws, report);
     // What is held between two steps is held against the whole motion.
     let creeps = all == n && creeps(world);
     stage.drift.clear();
     stage.way.clear();
     if let Some((drift, way)) = drift::drift(world, input.factor, state, creeps, ws) {
-        drift::along(rows, drift, &mut stage.drift);
-        drift::along(rows, way, &mut stage.way);
+        drift::along(&stage.rows, drift, &mut stage.drift);
+        drift::along(&stage.rows, way, &mut stage.way);
         patch.viscosity = if creeps { world.model().rayleigh_stiffness() } else { 0.0 };
     }
     stage.drift.resize(all, 0.0);
@@ -186,17 +152,23 @@ fn compliance(
     let r = drift::held_back(world, ws.dt);
     let flows = if patch.viscosity > 0.0 { r } else { 0.0 };
     let usable = if all == n {
-        stages::compliance_of(world, input.factor, rows, square(patch.compliance_mut(), n), ws).0.usable
+        stages::compliance_of(world, input.factor, &stage.rows, square(patch.compliance_mut(), n), ws).0.usable
     } else {
         stage.w.resize(all * all, 0.0);
-        let usable = stages::compliance_of(world, input.factor, rows, square(&mut stage.w, all), ws).0.usable;
+        let usable = stages::compliance_of(world, input.factor, &stage.rows, square(&mut stage.w, all), ws).0.usable;
         let held = usable.then(|| condense(&mut stage.w, &mut stage.drift, n)).flatten();
         for (to, from) in patch.compliance_mut().chunks_exact_mut(n).zip(stage.w.chunks_exact(all)) {
             to.copy_from_slice(&from[..n]);
         }
         held.is_some()
     };
-    let motions = stage.drift[..n].chunks_exact(3).zip(stage.way[..n].chunks_exact(3)).map(|(d, way)| {
+    carry_motions(&stage.drift[..n], &stage.way[..n], flows, patch);
+    usable
+}
+
+/// Hands on how bodies that yield and nodes drift (m in a step), and what of the rest of their way flows.
+fn carry_motions(drift: &[f64], way: &[f64], flows: f64, patch: &mut HapticPatch) {
+    let motions = drift.chunks_exact(3).zip(way.chunks_exact(3)).map(|(d, way)| {
         let (d, way) = (Vector3::from_column_slice(d), Vector3::from_column_slice(way));
         (d, (way - d) * flows)
     });
@@ -212,13 +184,6 @@ fn compliance(
             *to = flow;
         }
     }
-    usable
-}
-
-/// The tool's part of a row that it does not touch, and a gap: compliance asks for neither.
-fn push_nothing(rows: &mut ContactRows) {
-    rows.tool.push(ToolRow { force: Vector3::zeros(), torque: Vector3::zeros() });
-    rows.delta_free.push(0.0);
 }
 
 /// Forces of the tool on the patch's nodes in the step, and where the nodes are without them.

@@ -44,6 +44,8 @@ pub struct StepState {
     pub(super) prediction: Prediction,
     /// Events and changes from outside so far.
     pub(super) phase: usize,
+    /// Those of them that cut, and with that number the skin's edges and triangles anew.
+    pub(super) cuts: u32,
     /// The changes from outside among them.
     pub(super) outside: Vec<Arc<Change>>,
     /// For each phase the step at which it began.
@@ -72,6 +74,7 @@ impl StepState {
             before: rest.clone(),
             prediction: Prediction::new(world.model().free_nodes()),
             phase: 0,
+            cuts: 0,
             outside: Vec::with_capacity(world.changes_from_outside()),
             began,
             rest: rest.q.clone(),

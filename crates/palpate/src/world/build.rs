@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use palpate_collision::broad_phase::SurfaceGeometry;
 use palpate_collision::contact::ContactSet;
 use palpate_collision::detection::{DetectionConfig, DetectionWorkspace, detect_tool};
-use palpate_fem::factor::SymbolicFactor;
+use palpate_fem::factor::{FactorPrecision, SymbolicFactor};
 use palpate_fem::mesh::TetMesh;
 use palpate_fem::model::{FemConfig, FemError, FemModel};
 
@@ -170,6 +170,8 @@ fn with_changes(
     if course.is_empty() && !outside {
         return Ok(world);
     }
+    // What follows a change to 1e-9 begins with a factor as exact.
+    world.plan.precision = FactorPrecision::Double;
     let left = (0..world.mesh.tetrahedra.len() as u32).collect();
     let whole = || Stretch { event: 0, time: 0.0, held: fixed.to_vec(), left, text: String::new() };
     let last = course.last().cloned().unwrap_or_else(whole);

@@ -202,7 +202,7 @@ impl World {
     /// predicts for a factorisation, rounded up to whole ticks. A function of the scene alone, the same on every machine.
     pub fn factor_delay(&self) -> f64 {
         let rates = &self.description().rates;
-        rates.factor_delay.unwrap_or_else(|| (self.plan.factorization * rates.tick).ceil() / rates.tick)
+        rates.factor_delay.unwrap_or_else(|| (self.plan.refresh() * rates.tick).ceil() / rates.tick)
     }
 
     /// The methods of a run, and why.

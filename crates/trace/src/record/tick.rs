@@ -116,5 +116,8 @@ record! {
         29 => gripper_account: f64, "J";
         /// What the passivity controller took from the torque on the opening (N m).
         30 => gripper_withheld: f64, "N m";
+        /// How much more time this machine's clock saw pass since the tick before than `time_ns` says, which goes by the
+        /// device's (ns). Limits of slew and fades go by the smaller of both. 0 where there is one clock.
+        31 => host_lead_ns: i64, "ns";
     }
 }

@@ -65,6 +65,7 @@ pub(crate) fn tick(tick: u64) -> TickRecord {
         gripper_energy: 2e-4 * time,
         gripper_account: 1e-4 * depth,
         gripper_withheld: 1e-3 * depth.max(0.0),
+        host_lead_ns: 40_000 * (tick % 5) as i64 - 90_000,
     }
 }
 

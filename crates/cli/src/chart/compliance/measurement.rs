@@ -106,7 +106,7 @@ impl<'w> Step<'w> {
         let (world, k) = (&self.worlds.exact, STEPS - age);
         assemble(world.model(), &self.state(k), world.dt(), &[], &mut self.fem);
         let time = k as f64 * world.dt();
-        FactorSample::new(world.symbolic(), 0, k as u64, time, &self.path[k], &self.fem.system)
+        FactorSample::new(world, 0, k as u64, time, &self.path[k], &self.fem.system)
             .map_err(|status| miette!("step {k} has no factor: {status:?}"))
     }
 

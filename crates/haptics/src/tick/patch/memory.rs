@@ -56,7 +56,7 @@ pub(in crate::tick) struct PatchMemory {
     next_force: Vec<Vector3<f64>>,
     moved: Vec<Vector3<f64>>,
     sum: Vec<f64>,
-    contacts: Vec<Known>,
+    pub(super) contacts: Vec<Known>,
     max_contacts: usize,
     /// The tool at the end of the tick before.
     tool: Option<ToolPose>,
@@ -288,9 +288,9 @@ impl PatchMemory {
         }
         (self.tool, self.fade) = (Some(*tool), now.fade);
         self.contacts.clear();
-        let rows = ws.rows.contact.iter().filter(|row| row.body.is_none()).take(self.max_contacts);
-        self.contacts
-            .extend(rows.filter(|row| row.force != ZERO || row.rest() < 0.0 || row.owed.gap != 0.0).map(Known::new));
+        let (rows, names) = (ws.rows.contact.iter().filter(|row| row.body.is_none()), patch.skin().nodes());
+        let kept = rows.take(self.max_contacts).filter(|row| row.is_worth_knowing());
+        self.contacts.extend(kept.map(|row| Known::new(row, (names, y))));
         let of_bodies = ws.moved.iter().take(y).chain(std::iter::repeat(&ZERO));
         for ((body, contact), moved) in self.bodies.iter_mut().zip(patch.bodies.all()).zip(of_bodies) {
             body.keep(contact, &now, moved, contact.approach(&self.led[0], tool).x);

@@ -256,6 +256,11 @@ impl Row {
         if self.force == Vector3::zeros() { self.gap.min(0.0) } else { self.gap }
     }
 
+    /// Whether it pushes, overlaps, or is owed something.
+    pub(super) fn is_worth_knowing(&self) -> bool {
+        self.force != Vector3::zeros() || self.rest() < 0.0 || self.owed.gap != 0.0
+    }
+
     /// Torque about the tool's origin per newton along direction `k` \[m\].
     pub(super) fn turn(&self, k: usize) -> Vector3<f64> {
         self.lever.cross(&self.frame.column(k))

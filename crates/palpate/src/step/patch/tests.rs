@@ -62,7 +62,7 @@ fn a_patch_gives_the_step_back_and_rows_that_hold_elsewhere_are_condensed_into_i
     let first_row = ws.rows.len() as u32;
     ws.rows.tissue.push_row([(free_node, Vector3::x())]);
     ws.rows.rigid.push_row([]);
-    push_nothing(&mut ws.rows);
+    super::rows::push_no_tool(&mut ws.rows);
     ws.rows.blocks.push(RowBlock { contact: 0, first_row, rows: 1 });
     ws.rows.frames.push(ws.rows.frames[0]);
     ws.lambda[first_row as usize] = 1.0;

@@ -7,8 +7,15 @@
 
 #![allow(non_snake_case)]
 
+mod error;
+mod loads;
+
 use nalgebra::Vector3;
-use thiserror::Error;
+
+pub use self::{
+    error::EquilibriumError,
+    loads::{Loads, Prescribed},
+};
 
 use super::{
     newton::{ImplicitWorkspace, NewtonConfig, NewtonReport, NewtonStatus, factor_definite, minimise},
@@ -23,27 +30,6 @@ use crate::{
 
 /// Share of a prescribed motion by which the tangent's answer is probed: far above rounding, far below any strain.
 const PROBE: f64 = 1e-6;
-
-/// A fixed node and the place to which it is moved.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Prescribed {
-    /// Mesh node; one of the model's fixed nodes.
-    pub node: u32,
-    /// Where it goes (m).
-    pub position: Vector3<f64>,
-}
-
-/// What a body is in equilibrium with.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Loads<'a> {
-    /// One force per mesh node (N), or empty; constant in direction. Gravity is the model's.
-    pub f_ext: &'a [Vector3<f64>],
-    /// Fixed nodes that move; those not named stay where the state holds them.
-    pub prescribed: &'a [Prescribed],
-    /// Share of forces and gravity that the state already carries: 0 for a body at rest, 1 to go on from an equilibrium
-    /// under the same loads.
-    pub carried: f64,
-}
 
 /// How equilibrium is sought.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,64 +83,6 @@ impl EquilibriumConfig {
     }
 }
 
-/// Loads that no body can be in equilibrium with, or settings with which none is found.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-pub enum EquilibriumError {
-    /// A node is moved that the model leaves free.
-    #[error("node {node} is moved to a place, but it is free: fix it in the body's description")]
-    FreeNode {
-        /// The node.
-        node: u32,
-    },
-    /// A node does not exist.
-    #[error("node {node} is moved to a place, but the mesh has {nodes} nodes (counted from 0)")]
-    NoNode {
-        /// The node.
-        node: u32,
-        /// Nodes of the mesh.
-        nodes: usize,
-    },
-    /// A place is not finite.
-    #[error("node {node} is moved to a place that is not finite")]
-    Place {
-        /// The node.
-        node: u32,
-    },
-    /// Nothing holds the body.
-    #[error("no node is fixed: a body that nothing holds has no equilibrium; fix some nodes")]
-    Unsupported,
-    /// A load step that is not in its range.
-    #[error("{name} = {value}: the {range}; the default is {default}")]
-    Step {
-        /// The field of [`EquilibriumConfig`].
-        name: &'static str,
-        /// What was given.
-        value: f64,
-        /// Where it must lie, in words.
-        range: &'static str,
-        /// What serves most bodies.
-        default: f64,
-    },
-    /// Newton's method may do nothing, or stops at once.
-    #[error("newton.{name} = {value}: {range}")]
-    Newton {
-        /// The field of [`NewtonConfig`].
-        name: &'static str,
-        /// What was given.
-        value: f64,
-        /// Where it must lie, in words.
-        range: &'static str,
-    },
-    /// The forces do not belong to this mesh.
-    #[error("{forces} forces for {nodes} nodes: give one per mesh node, or none")]
-    ForceCount {
-        /// Forces given.
-        forces: usize,
-        /// Nodes of the mesh.
-        nodes: usize,
-    },
-}
-
 /// How far the loads came.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EquilibriumReport {
@@ -199,7 +127,7 @@ pub fn equilibrium(
     ws: &mut ImplicitWorkspace,
 ) -> Result<EquilibriumReport, EquilibriumError> {
     config.validate()?;
-    check(model, loads)?;
+    loads.check(model)?;
     let mut report = EquilibriumReport {
         newton: NewtonReport::begin(),
         reached: 0.0,
@@ -300,25 +228,6 @@ fn predict(
     }
     for (k, &node) in model.node_of_free().iter().enumerate() {
         state.q[node as usize] += nodal(&ws.direction, k);
-    }
-    Ok(())
-}
-
-fn check(model: &FemModel, loads: &Loads<'_>) -> Result<(), EquilibriumError> {
-    let nodes = model.nodes();
-    if model.free_nodes() == nodes && !model.held().contains(&true) {
-        return Err(EquilibriumError::Unsupported);
-    }
-    if !loads.f_ext.is_empty() && loads.f_ext.len() != nodes {
-        return Err(EquilibriumError::ForceCount { forces: loads.f_ext.len(), nodes });
-    }
-    for &Prescribed { node, position } in loads.prescribed {
-        match model.free_of_node().get(node as usize) {
-            None => return Err(EquilibriumError::NoNode { node, nodes }),
-            Some(&free) if free != FIXED => return Err(EquilibriumError::FreeNode { node }),
-            Some(_) if !position.iter().all(|x| x.is_finite()) => return Err(EquilibriumError::Place { node }),
-            Some(_) => {}
-        }
     }
     Ok(())
 }
