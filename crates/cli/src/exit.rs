@@ -1,6 +1,6 @@
 //! The exit codes of the program; `palpate --help` prints [`HELP`].
 
-/// Done as asked, but a file could not be written whole.
+/// Done as asked, but a file could not be written whole, or not be read whole where that does not keep from the work.
 pub(crate) const FILE_LOST: u8 = 1;
 
 /// A mistake in the command line or in a file that it names.
@@ -36,7 +36,7 @@ pub(crate) const TERMINATED: u8 = SIGNALLED + 15;
 /// The codes as text.
 pub(crate) const HELP: &str = "Exit codes:
     0  done
-    1  done, but a file could not be written
+    1  done, but a file could not be written, or a part of a trace is damaged
     2  a mistake in the command line, a scene, a mesh or a problem; nothing was run and no file was written
     3  the body failed during a run: rolled back, zero force, complete trace
     4  a replay differs from its trace

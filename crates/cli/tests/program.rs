@@ -96,6 +96,33 @@ fn a_lockstep_trace_replays_to_the_bit_and_one_that_was_tampered_with_does_not()
     assert!(matches!(changed.code, Some(2 | 4)), "{changed:?}");
 }
 
+/// The program tells which part of a damaged trace is lost, compares the others, and ends with a code of its own.
+#[test]
+fn a_trace_with_a_damaged_part_is_replayed_without_it() {
+    let place = Place::new();
+    for (mode, everything_else) in [("--lockstep", true), ("", false)] {
+        assert_eq!(place.run(&format!("run scene.toml {mode} --seconds 4 --quiet")).code, Some(0));
+        let ticks = Trace::load(place.path("small.mcap")).unwrap().ticks.len();
+        let mut bytes = place.read("small.mcap");
+        // The first chunk of messages begins behind what describes the trace; the middle is in a later one.
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        std::fs::write(place.path("bitten.mcap"), bytes).unwrap();
+        let replay = place.run("replay bitten.mcap");
+        assert_eq!(replay.code, Some(1), "{mode}: {replay:?}");
+        for words in ["warning: bitten.mcap: the ", " bytes from byte ", " are damaged and lost", "cannot be compared"]
+        {
+            assert!(replay.err.contains(words), "{words}: {}", replay.err);
+        }
+        let compared: usize = replay.out.split_once(": ").unwrap().1.split_once(' ').unwrap().0.parse().unwrap();
+        assert!(replay.out.contains("the same to the bit"), "{}", replay.out);
+        // In virtual time what follows the lost part can be compared too.
+        assert!(if everything_else { compared > 2000 } else { (500..3500).contains(&compared) }, "{}", replay.out);
+        let lost = replay.err.rsplit_once("; ").unwrap().1.split_once(' ').unwrap().0;
+        assert_eq!(compared + lost.parse::<usize>().unwrap(), ticks, "{mode}: {replay:?}");
+    }
+}
+
 #[test]
 fn a_step_count_and_seconds_end_the_run_where_they_say() {
     let place = Place::new();
@@ -127,6 +154,13 @@ fn the_command_line_replaces_mesh_and_cells() {
     assert_eq!(run.code, Some(0), "{run:?}");
     assert!(run.err.contains("has no region `bone`"), "{}", run.err);
     assert_eq!(place.run("replay m.mcap").code, Some(0));
+
+    // A mistake that shows with the other mesh is one of the scene, in its own line.
+    place.write("nothing.toml", &text.replace("at = 0.001", "at = -0.001"));
+    let run = place.run("run nothing.toml --mesh other.vtu --lockstep --steps 3 --no-trace");
+    let line = text.lines().position(|line| line.starts_with("fixed = ")).unwrap() + 1;
+    assert_eq!(run.code, Some(2), "{run:?}");
+    assert!(run.err.contains(&format!("[nothing.toml:{line}:")) && run.err.contains("at = -0.001"), "{}", run.err);
 
     let run = place.run("run liver --cell 40mm --lockstep --steps 1 --no-trace --json");
     assert_eq!(run.code, Some(0), "{run:?}");

@@ -1,13 +1,15 @@
 //! Changes of a body in a run: as they happened, and the way of those from outside to the step that takes them and into the
 //! trace.
 
+use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 use std::sync::mpsc::{SyncSender, sync_channel};
 
-use serde::{Deserialize, Serialize};
+use palpate_trace::{MetadataTrace, Trace};
+use serde::Serialize;
 
 use crate::counted::counted;
-use crate::step::{FactorFit, Prepared, StepState, StepWorkspace};
+use crate::step::{FactorFit, Prepared, StepWorkspace};
 use crate::world::{Change, ChangeError, ChangeMaker, ChangeRequest, World};
 
 /// An event as it happened.
@@ -44,6 +46,8 @@ impl fmt::Display for EventRecord {
 pub(crate) struct ChangeQueue {
     maker: ChangeMaker,
     sender: SyncSender<Prepared>,
+    /// Where the trace learns of them, with the number of those that it knows.
+    line: Option<(MetadataTrace, usize)>,
 }
 
 impl ChangeQueue {
@@ -51,7 +55,12 @@ impl ChangeQueue {
     pub(crate) fn new(world: &World, ws: &mut StepWorkspace) -> Self {
         let (sender, receiver) = sync_channel(world.changes_from_outside());
         ws.take_changes_from(receiver);
-        Self { maker: ChangeMaker::new(world), sender }
+        Self { maker: ChangeMaker::new(world), sender, line: None }
+    }
+
+    /// From now on the trace is told of every change, on the thread that asks for it and before a step can take it.
+    pub(crate) fn trace(&mut self, line: MetadataTrace) {
+        self.line = Some((line, 0));
     }
 
     /// Makes the changed body on this thread, shows it to `made` and sends it; what happens, in words. Takes the time
@@ -65,44 +74,27 @@ impl ChangeQueue {
         let change = self.maker.make(world, request)?;
         made(&change);
         let text = change.text().to_string();
+        if let Some((line, told)) = &mut self.line {
+            *told += 1;
+            // Selections were read from TOML or could have been.
+            let text = toml::to_string(request).unwrap_or_default();
+            line.put(&record_name(*told), BTreeMap::from([(REQUEST.into(), text)]));
+        }
         // There is room for as many as the maker makes; only a step that is gone takes none.
         self.sender.try_send(Prepared::new(change)).map_err(|_| ChangeError::NotRunning)?;
         Ok(text)
     }
 }
 
-/// A change from outside as it was taken.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TakenChange {
-    /// The first step with the changed body.
-    pub step: u64,
-    /// What was asked for.
-    pub request: ChangeRequest,
+/// Name of the metadata record of a trace for the `number`th change from outside, from 1, and its entry for what was asked
+/// for, as TOML.
+fn record_name(number: usize) -> String {
+    format!("change {number}")
 }
+const REQUEST: &str = "request";
 
-/// All changes of a run as a trace keeps them, in TOML.
-#[derive(Default, Serialize, Deserialize)]
-struct TakenChanges {
-    #[serde(default)]
-    change: Vec<TakenChange>,
-}
-
-/// The changes that a run has taken.
-pub(crate) fn taken(world: &World, state: &StepState) -> Vec<TakenChange> {
-    let all = state.outside(world);
-    all.filter_map(|(step, change)| Some(TakenChange { step, request: change.request()?.clone() })).collect()
-}
-
-/// As text for a trace; empty without changes.
-pub(crate) fn to_text(changes: &[TakenChange]) -> String {
-    if changes.is_empty() {
-        return String::new();
-    }
-    // Selections were read from TOML or could have been.
-    toml::to_string(&TakenChanges { change: changes.to_vec() }).unwrap_or_default()
-}
-
-/// From the text of a trace; `None` where it cannot be read.
-pub(crate) fn from_text(text: &str) -> Option<Vec<TakenChange>> {
-    toml::from_str::<TakenChanges>(text).ok().map(|changes| changes.change)
+/// The changes that a trace tells of, in order, up to the first that is missing or cannot be read.
+pub(crate) fn requests(trace: &Trace) -> VecDeque<ChangeRequest> {
+    let record = |number| trace.metadata.get(&record_name(number))?.get(REQUEST);
+    (1..).map_while(|number| toml::from_str(record(number)?).ok()).collect()
 }

@@ -6,7 +6,7 @@ use palpate_haptics::exchange::{Reader, Writer, latest};
 use palpate_haptics::snapshot::HapticSnapshot;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::changes::{ChangeQueue, taken};
+use crate::changes::ChangeQueue;
 use crate::factor_thread::FactorThreadDeath;
 use crate::gathering::Gathering;
 use crate::problem_files::ProblemFiles;
@@ -19,7 +19,7 @@ use crate::session::{Shape, ShapeWriter};
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
 use crate::summary::RigidEnd;
 use crate::tick::Ticker;
-use crate::world::World;
+use crate::world::{Change, World};
 
 /// All stages of a run. `T` is the tick: with its device, or () where it has been split off.
 pub(crate) struct Engine<'w, T = Ticker> {
@@ -83,10 +83,13 @@ impl<'w, T> Engine<'w, T> {
         } else {
             (RefreshPort::fixed(factor), None)
         };
-        let changes = (world.changes_from_outside() > 0).then(|| ChangeQueue::new(world, &mut ws));
+        let mut changes = (world.changes_from_outside() > 0).then(|| ChangeQueue::new(world, &mut ws));
         let (pose_writer, poses) = latest(&first);
         let (snapshots, snapshot_reader) = latest(&world.empty_snapshot());
         let (line, tick_line, refresh_trace, trace) = TraceLines::open(world, options, device, no_trace, &mut notes)?;
+        if let (Some(changes), Some(trace)) = (&mut changes, &trace) {
+            changes.trace(trace.metadata());
+        }
         let ticker = make(TickEnds { snapshots: snapshot_reader, poses: pose_writer, line: tick_line })?;
         let state = StepState::new(world, rest);
         ws.problem_files = options.problems.clone().map(ProblemFiles::new);
@@ -124,7 +127,7 @@ impl<'w, T> Engine<'w, T> {
         gathering.notes.extend(gathering.unconverged.notes(self.world));
         gathering.notes.extend(self.stage.ws.problem_files.as_ref().map(ProblemFiles::note));
         let state = &self.stage.state;
-        gathering.name_changes(taken(self.world, state), state.outside(self.world).map(|(_, change)| change.text()));
+        gathering.name_changes(state.outside().map(Change::text));
         let trace = self.trace.map(|trace| trace.finish(&gathering));
         let mut summary = gathering.summary(self.world, wall, trace);
         summary.rigid_bodies = RigidEnd::all(self.world, &self.stage.state.rigid);

@@ -9,7 +9,6 @@ use std::collections::BTreeMap;
 use palpate_constraints::compliance::ComplianceMethod;
 use palpate_haptics::device::DeviceError;
 
-use crate::changes::TakenChange;
 use crate::counted::counted;
 use crate::factor_thread::FactorThreadDeath;
 use crate::refresh::RefreshReport;
@@ -44,8 +43,6 @@ pub(crate) struct Gathering {
     exact_steps: u64,
     rungs: BTreeMap<Rung, u64>,
     climbs: u64,
-    /// Changes from outside, known at the end of the run.
-    pub(crate) taken: Vec<TakenChange>,
     rung: Option<Rung>,
     active: usize,
     time: f64,
@@ -113,7 +110,6 @@ impl Gathering {
             exact_steps: 0,
             rungs: BTreeMap::new(),
             climbs: 0,
-            taken: Vec::new(),
             rung: None,
             active: 0,
             time: 0.0,
@@ -264,10 +260,9 @@ impl Gathering {
     }
 
     /// Names the changes from outside among the events.
-    pub(crate) fn name_changes<'a>(&mut self, taken: Vec<TakenChange>, texts: impl Iterator<Item = &'a str>) {
+    pub(crate) fn name_changes<'a>(&mut self, texts: impl Iterator<Item = &'a str>) {
         let outside = self.changes.iter_mut().skip(self.events.len());
         outside.zip(texts).for_each(|(record, text)| record.event = format!("from outside: {text}"));
-        self.taken = taken;
     }
 
     /// What there is to say about a device that did not answer.

@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::config::TraceConfig;
 use crate::error::TraceError;
+use crate::metadata::MetadataTrace;
 use crate::record::LogRecord;
 use crate::ring::{DropCounters, FactorTrace, LogTrace, Producers, Rings, StepTrace, TickTrace, rings};
 use crate::sink::TraceSink;
@@ -24,6 +25,8 @@ pub(crate) struct Progress {
     unreported: Mutex<Option<Arc<TraceError>>>,
     /// What the metadata record `end` will say. Only the trace and its owner lock this, never a producer.
     end: Mutex<BTreeMap<String, String>>,
+    /// Metadata records that are to be written, by name. Only the trace and whoever asks for them lock this.
+    metadata: Mutex<Vec<(String, BTreeMap<String, String>)>>,
 }
 
 impl Progress {
@@ -42,6 +45,14 @@ impl Progress {
 
     pub(crate) fn set_end(&self, entries: BTreeMap<String, String>) {
         *self.end.lock().unwrap_or_else(PoisonError::into_inner) = entries;
+    }
+
+    pub(crate) fn put_metadata(&self, name: String, entries: BTreeMap<String, String>) {
+        self.metadata.lock().unwrap_or_else(PoisonError::into_inner).push((name, entries));
+    }
+
+    fn take_metadata(&self) -> Vec<(String, BTreeMap<String, String>)> {
+        std::mem::take(&mut *self.metadata.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     fn take_end(&self) -> BTreeMap<String, String> {
@@ -91,7 +102,10 @@ impl<S: TraceSink> Drain<S> {
             self.write(|writer| writer.write_factor(&record));
             any = true;
         }
+        any |= self.write_metadata();
         while let Ok(record) = self.rings.steps.pop() {
+            // What was handed over before the step was pushed comes first.
+            self.write_metadata();
             self.write(|writer| writer.write_step(&record));
             any = true;
         }
@@ -119,6 +133,14 @@ impl<S: TraceSink> Drain<S> {
         if let Some(writer) = &self.writer {
             self.progress.bytes.store(writer.bytes(), Ordering::Relaxed);
         }
+        any
+    }
+
+    /// Writes the metadata that has been handed over; whether there was any.
+    fn write_metadata(&mut self) -> bool {
+        let records = self.progress.take_metadata();
+        let any = !records.is_empty();
+        records.into_iter().for_each(|(name, entries)| self.write(|writer| writer.write_metadata(&name, entries)));
         any
     }
 
@@ -230,6 +252,11 @@ impl<S: TraceSink> InlineTrace<S> {
     /// Entries of the metadata record `end`, which is written when the file is closed.
     pub fn set_end(&mut self, entries: BTreeMap<String, String>) {
         self.drain.progress.set_end(entries);
+    }
+
+    /// Where metadata is handed over.
+    pub fn metadata(&self) -> MetadataTrace {
+        MetadataTrace(self.drain.progress())
     }
 
     /// How the trace stands.

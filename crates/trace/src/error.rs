@@ -71,6 +71,24 @@ pub enum TraceError {
         /// What was found.
         source: mcap::McapError,
     },
+    /// Parts of the file are damaged; what lies between and behind them was read.
+    #[error(
+        "{}: {}: {}{}",
+        path.display(),
+        all(parts),
+        cause(source),
+        end.as_deref().map(|end| format!("; {end}")).unwrap_or_default()
+    )]
+    Parts {
+        /// The file.
+        path: PathBuf,
+        /// The parts that are lost, in the order of the file.
+        parts: Vec<LostPart>,
+        /// What was found in the first.
+        source: mcap::McapError,
+        /// What ended the reading behind them, where it was not the end of the file.
+        end: Option<Box<TraceError>>,
+    },
     /// A message does not hold what its schema says.
     #[error("{}: message {sequence} of {topic}: {source}", path.display())]
     Message {
@@ -83,6 +101,28 @@ pub enum TraceError {
         /// What was found.
         source: WireError,
     },
+}
+
+/// A part of a trace whose messages are lost: one chunk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LostPart {
+    /// Where it begins in the file (bytes).
+    pub offset: u64,
+    /// Its length in the file (bytes).
+    pub length: u64,
+    /// Times of its first and last message since the start of the run (ns), where they can be told.
+    pub time_ns: Option<[u64; 2]>,
+}
+
+/// Parts in words: where they lie, and the time that is lost with each.
+fn all(parts: &[LostPart]) -> String {
+    let one = |part: &LostPart| {
+        let place = format!("the {} bytes from byte {} on", part.length, part.offset);
+        let time = part.time_ns.map(|times| times.map(|ns| ns as f64 * 1e-9));
+        time.map_or(place.clone(), |[from, to]| format!("{place}, from {from:.3} s to {to:.3} s"))
+    };
+    let are = if parts.len() == 1 { "are" } else { "are all" };
+    format!("{} {are} damaged and lost", parts.iter().map(one).collect::<Vec<_>>().join("; "))
 }
 
 /// The system's own words where there are some: `McapError::Io` hides them behind a general sentence.

@@ -18,12 +18,14 @@
 //! SI units; `f64` fields are doubles in the file, so a replay compares forces to the bit. The unit of each field is
 //! in the metadata of its channel. Log time is `TraceConfig::start_unix_ns` plus the `time_ns` of the record.
 
+mod chunk;
 mod config;
 mod container;
 mod drain;
 mod error;
 mod field;
 mod geometry;
+mod metadata;
 mod reader;
 mod record;
 mod ring;
@@ -42,8 +44,9 @@ mod writer;
 pub use config::{Attachment, TraceConfig};
 pub use container::WriteReport;
 pub use drain::InlineTrace;
-pub use error::TraceError;
+pub use error::{LostPart, TraceError};
 pub use geometry::{BodyGeometry, SolidGeometry, ToolHinge, ToolJaw, ToolPart, ToolShape};
+pub use metadata::MetadataTrace;
 pub use reader::{TraceEvent, TraceReader};
 pub use record::{
     FactorRecord, FactorStatus, LogLevel, LogRecord, RigidRecord, StepFlags, StepRecord, TickFlags, TickRecord,

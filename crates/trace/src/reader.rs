@@ -1,18 +1,22 @@
 //! From a trace back to its records.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use mcap::McapError;
-use mcap::records::Record as McapRecord;
+use mcap::records::{Record as McapRecord, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
+use crate::chunk::{times, unpack};
 use crate::config::Attachment;
-use crate::error::TraceError;
+use crate::error::{LostPart, TraceError};
 use crate::record::{FactorRecord, LogRecord, Record, RigidRecord, StepRecord, TickRecord};
 use crate::wire::WireError;
+
+/// Bytes of a record of the file before its data: what it is, and its length.
+const RECORD_HEAD: u64 = 9;
 
 /// Bytes asked of the system at a time.
 const READ_SIZE: usize = 64 << 10;
@@ -65,13 +69,21 @@ struct ReadChannel {
     messages: u32,
 }
 
-/// Reads a trace from start to end in bounded memory, checking every checksum. Ends after the first error.
+/// Reads a trace from start to end in bounded memory, checking every checksum. A chunk that is damaged is an error
+/// ([`TraceError::Parts`]), after which it goes on behind it; it ends after any other error.
 pub struct TraceReader<R = File> {
     source: R,
     mcap: LinearReader,
     path: PathBuf,
     /// Bytes read so far.
     offset: u64,
+    /// Where the next record of the file begins.
+    place: u64,
+    /// What the last chunk held.
+    events: VecDeque<Result<TraceEvent, EventError>>,
+    /// A chunk was damaged.
+    lossy: bool,
+    limit: usize,
     schemas: HashMap<u16, String>,
     channels: HashMap<u16, ReadChannel>,
     start_unix_ns: u64,
@@ -96,17 +108,22 @@ impl TraceReader {
 impl<R: Read> TraceReader<R> {
     /// Reads from `source`, which holds `length` bytes; `path` is its name in errors.
     pub fn new(source: R, length: u64, path: impl AsRef<Path>) -> Self {
+        let limit = length_limit(length);
         let options = LinearReaderOptions::default()
-            .with_prevalidate_chunk_crcs(true)
+            .with_emit_chunks(true)
             .with_validate_data_section_crc(true)
             .with_validate_summary_section_crc(true)
             .with_check_finishes_after_end_magic(true)
-            .with_record_length_limit(length_limit(length));
+            .with_record_length_limit(limit);
         Self {
             source,
             mcap: LinearReader::new_with_options(options),
             path: path.as_ref().into(),
             offset: 0,
+            place: mcap::MAGIC.len() as u64,
+            events: VecDeque::new(),
+            lossy: false,
+            limit,
             schemas: HashMap::new(),
             channels: HashMap::new(),
             start_unix_ns: 0,
@@ -117,6 +134,9 @@ impl<R: Read> TraceReader<R> {
 
     fn advance(&mut self) -> Result<Option<TraceEvent>, TraceError> {
         loop {
+            if let Some(event) = self.events.pop_front() {
+                return event.map(Some).map_err(|error| self.told(error));
+            }
             let begun = self.begun;
             let damaged = |source| match (self.offset, source) {
                 (0, _) => TraceError::Foreign { path: self.path.clone(), empty: true },
@@ -125,23 +145,42 @@ impl<R: Read> TraceReader<R> {
             };
             let wanted = match self.mcap.next_event() {
                 None => return Ok(None),
+                // The checksum of all bytes, which cannot hold where some are known to be damaged.
+                Some(Err(McapError::BadDataCrc { .. })) if self.lossy => return Ok(None),
                 Some(Err(error)) => return Err(damaged(error)),
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => wanted.max(READ_SIZE),
                 Some(Ok(LinearReadEvent::Record { data, opcode })) => {
                     self.begun = true;
-                    let record = mcap::parse_record(opcode, data).map_err(damaged)?;
+                    let (offset, length) = (self.place, RECORD_HEAD + data.len() as u64);
+                    self.place += length;
                     let tables = &mut Tables {
                         schemas: &mut self.schemas,
                         channels: &mut self.channels,
                         start_unix_ns: &mut self.start_unix_ns,
                     };
-                    match event(record, tables) {
-                        Ok(Some(event)) => return Ok(Some(event)),
-                        Ok(None) => continue,
-                        Err(EventError::Mcap(source)) => return Err(damaged(source)),
-                        Err(EventError::Message { topic, sequence, source }) => {
-                            return Err(TraceError::Message { path: self.path.clone(), topic, sequence, source });
-                        }
+                    if opcode == op::CHUNK {
+                        let Err(source) = unpack(data, self.limit, |record| {
+                            event(record, tables)
+                                .transpose()
+                                .into_iter()
+                                .for_each(|event| self.events.push_back(event));
+                        }) else {
+                            continue;
+                        };
+                        self.events.clear();
+                        self.lossy = true;
+                        let part = LostPart { offset, length, time_ns: times(data, *tables.start_unix_ns) };
+                        return Err(TraceError::Parts {
+                            path: self.path.clone(),
+                            parts: vec![part],
+                            source,
+                            end: None,
+                        });
+                    }
+                    let record = mcap::parse_record(opcode, data).map_err(damaged)?;
+                    match event(record, tables).transpose() {
+                        Some(event) => return event.map(Some).map_err(|error| self.told(error)),
+                        None => continue,
                     }
                 }
             };
@@ -149,6 +188,14 @@ impl<R: Read> TraceReader<R> {
             let read = read.map_err(|source| TraceError::Read { path: self.path.clone(), source })?;
             self.mcap.notify_read(read);
             self.offset += read as u64;
+        }
+    }
+
+    fn told(&self, error: EventError) -> TraceError {
+        let path = self.path.clone();
+        match error {
+            EventError::Mcap(source) => TraceError::Damaged { path, offset: self.offset, source },
+            EventError::Message { topic, sequence, source } => TraceError::Message { path, topic, sequence, source },
         }
     }
 }
@@ -161,7 +208,7 @@ impl<R: Read> Iterator for TraceReader<R> {
             return None;
         }
         let event = self.advance().transpose();
-        self.ended = !matches!(event, Some(Ok(_)));
+        self.ended = !matches!(event, Some(Ok(_) | Err(TraceError::Parts { .. })));
         event
     }
 }

@@ -10,6 +10,7 @@ use std::time::Duration;
 use crate::config::TraceConfig;
 use crate::drain::{Drain, Progress};
 use crate::error::TraceError;
+use crate::metadata::MetadataTrace;
 use crate::record::LogRecord;
 use crate::ring::{DropCounters, FactorTrace, LogTrace, StepTrace, TickTrace};
 use crate::summary::{TraceStatus, TraceSummary};
@@ -62,6 +63,11 @@ impl TraceThread {
     /// Entries of the metadata record `end`, which is written when the file is closed.
     pub fn set_end(&mut self, entries: BTreeMap<String, String>) {
         self.progress.set_end(entries);
+    }
+
+    /// Where metadata is handed over while threads run.
+    pub fn metadata(&self) -> MetadataTrace {
+        MetadataTrace(Arc::clone(&self.progress))
     }
 
     /// How the trace stands.

@@ -41,7 +41,8 @@ impl Trace {
         }
     }
 
-    /// Reads what can be read: everything before the first damage, and the damage.
+    /// Reads what can be read, and the damage: everything but the chunks that are damaged, where the file's records can
+    /// be told apart, else everything before.
     ///
     /// # Errors
     /// [`TraceError::Read`] when the file cannot be opened.
@@ -49,16 +50,20 @@ impl Trace {
         Ok(Self::collect(TraceReader::open(path)?))
     }
 
-    /// Gathers the events of a reader up to its end or its first error.
+    /// Gathers the events of a reader up to its end. Of several damaged parts one error tells.
     pub fn collect(events: impl IntoIterator<Item = Result<TraceEvent, TraceError>>) -> (Self, Option<TraceError>) {
-        let mut trace = Self::default();
+        let (mut trace, mut damage) = (Self::default(), None);
         for event in events {
-            match event {
-                Ok(event) => trace.push(event),
-                Err(damage) => return (trace, Some(damage)),
+            match (event, &mut damage) {
+                (Ok(event), _) => trace.push(event),
+                (Err(TraceError::Parts { parts: more, .. }), Some(TraceError::Parts { parts, .. })) => {
+                    parts.extend(more)
+                }
+                (Err(error), Some(TraceError::Parts { end, .. })) => *end = Some(Box::new(error)),
+                (Err(error), _) => damage = Some(error),
             }
         }
-        (trace, None)
+        (trace, damage)
     }
 
     fn push(&mut self, event: TraceEvent) {

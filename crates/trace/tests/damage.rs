@@ -3,7 +3,7 @@
 use std::io::Cursor;
 use std::sync::LazyLock;
 
-use palpate_trace::{InlineTrace, Trace, TraceError, TraceReader};
+use palpate_trace::{InlineTrace, TickRecord, Trace, TraceError, TraceReader};
 
 mod sample;
 
@@ -49,12 +49,53 @@ fn every_flipped_byte_is_an_error() {
         // All is under some checksum or has only one legal value.
         assert!(damage.is_some(), "byte {place} ^ {mask:#x} passed unnoticed");
         assert!(damaged.ticks.len() <= whole.ticks.len());
-        // Chunks are checked before they are read, so no sample is ever wrong.
-        for (read, written) in damaged.ticks.iter().zip(&whole.ticks) {
+        // Chunks are checked before they are read, so no sample is ever wrong; what lies behind a damaged one is read.
+        for read in &damaged.ticks {
+            let written = &whole.ticks[read.tick as usize];
             assert_eq!(read.force.map(f64::to_bits), written.force.map(f64::to_bits));
         }
         bytes[place] ^= mask;
     }
+}
+
+/// What is lost is the chunk with the damage, and it is told by its place and times.
+#[test]
+fn a_damaged_chunk_is_told_by_its_times_and_the_others_are_read() {
+    let (mut trace, mut ticks, mut steps, mut factors) =
+        InlineTrace::with_sink(Cursor::new(Vec::new()), &sample::config()).unwrap();
+    // A chunk a second at most.
+    for k in 0..150 {
+        sample::push_step(k, &mut ticks, &mut steps, &mut factors);
+        trace.drain();
+    }
+    let mut bytes = trace.finish_into_sink().0.unwrap().into_inner();
+    let (whole, damage) = read(&bytes);
+    assert!(damage.is_none());
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 0x10;
+    let (left, damage) = read(&bytes);
+    let told = damage.as_ref().unwrap().to_string();
+    println!("{told}");
+    let Some(TraceError::Parts { parts, end: None, .. }) = damage else { panic!("{told}") };
+    let [part] = parts.as_slice() else { panic!("{told}") };
+    let place = middle as u64;
+    assert!(part.offset <= place && place < part.offset + part.length, "{part:?}: byte {place}");
+    let [from, to] = part.time_ns.unwrap();
+    let (lost, kept): (Vec<&TickRecord>, Vec<&TickRecord>) =
+        whole.ticks.iter().partition(|tick| left.ticks.iter().all(|left| left.tick != tick.tick));
+    println!("lost {:?} to {:?}, {} kept", lost.first().map(|t| t.time_ns), lost.last().map(|t| t.time_ns), kept.len());
+    assert!(lost.len() > 100 && kept.len() > 1000, "{} lost, {} kept", lost.len(), kept.len());
+    assert!(lost.iter().all(|tick| (from..=to).contains(&tick.time_ns)), "{told}");
+    assert!(kept.iter().any(|tick| tick.time_ns > to) && kept.iter().any(|tick| tick.time_ns < from));
+    assert_eq!(kept.len(), left.ticks.len());
+
+    // Several parts are one error; what is cut off behind them is told too.
+    let third = bytes.len() / 3;
+    bytes[third] ^= 0x10;
+    let (fewer, damage) = read(&bytes[..bytes.len() * 4 / 5]);
+    let told = damage.as_ref().unwrap().to_string();
+    let Some(TraceError::Parts { parts, end: Some(_), .. }) = damage else { panic!("{told}") };
+    assert!(parts.len() == 2 && fewer.ticks.len() < left.ticks.len(), "{told}");
 }
 
 #[test]

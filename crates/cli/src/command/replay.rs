@@ -13,17 +13,18 @@ pub(crate) fn replay(trace: &Path) -> Result<u8> {
     let report = replay_trace(trace).map_err(|e| Report::msg(e.to_string()))?;
     let path = trace.display();
     if let Some(damage) = &report.damage {
-        eprintln!(
-            "warning: {damage}; its {} replayed",
-            counted(report.ticks, "tick before that is", "ticks before that are")
-        );
+        let left = match report.lost {
+            0 => format!("its {} replayed", counted(report.ticks, "tick before that is", "ticks before that are")),
+            lost => format!("{} for that", counted(lost, "tick cannot be compared", "ticks cannot be compared")),
+        };
+        eprintln!("warning: {damage}; {left}");
     }
     if report.is_identical() {
         say(format_args!(
             "{path}: {}, every force, torque and pose the same to the bit",
             counted(report.ticks, "tick", "ticks")
         ))?;
-        return Ok(0);
+        return Ok(if report.lost > 0 { exit::FILE_LOST } else { 0 });
     }
     if let Some(step) = report.first_body_difference {
         say(format_args!("{path}: a rigid body is elsewhere after step {step}"))?;

@@ -9,10 +9,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use palpate_haptics::device::DeviceSpec;
-use palpate_trace::{InlineTrace, LogLevel, LogRecord, TraceError, TraceThread};
+use palpate_trace::{InlineTrace, LogLevel, LogRecord, MetadataTrace, TraceError, TraceThread};
 use serde::Serialize;
 
-use crate::changes;
 use crate::gathering::Gathering;
 use crate::run::{RunError, RunOptions};
 use crate::world::World;
@@ -35,9 +34,6 @@ pub(crate) const DEVICE_RECORD: &str = "device_record";
 /// Metadata record that says how the run ended, and its entry for the number of ticks.
 pub(crate) const END: &str = "end";
 pub(crate) const TICKS: &str = "ticks";
-
-/// Entry of the same record for the changes from outside, as TOML.
-pub(crate) const CHANGES: &str = "changes";
 
 /// What became of a trace.
 #[derive(Clone, Debug, Serialize)]
@@ -109,6 +105,14 @@ impl TraceLines {
         Ok((StepLine(Some((steps, world.dt(), 0))), TickLine(Some(ticks)), FactorLine(Some(factors)), Some(lines)))
     }
 
+    /// Where metadata is handed over while the run lasts.
+    pub(crate) fn metadata(&self) -> MetadataTrace {
+        match self {
+            Self::Thread(thread) => thread.metadata(),
+            Self::Inline(inline) => inline.metadata(),
+        }
+    }
+
     /// In lockstep, writes what waits in the rings.
     pub(crate) fn drain(&mut self) {
         if let Self::Inline(inline) = self {
@@ -124,7 +128,6 @@ impl TraceLines {
             ("steps".into(), steps.to_string()),
             ("factors".into(), factors.to_string()),
             (TICKS.into(), ticks.to_string()),
-            (CHANGES.into(), changes::to_text(&gathering.taken)),
         ]);
         let time_ns = nanoseconds(gathering.progress().time);
         let line = |level, text: &str| LogRecord::new(time_ns, level, "run", text);

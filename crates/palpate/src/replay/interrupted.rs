@@ -163,8 +163,14 @@ fn tick_until(port: &mut Port, suits: impl Fn(&PortReport) -> bool) {
     panic!("it never came");
 }
 
+/// Steps that a trace holds of the body after the first change.
+fn steps_after_a_change(path: &Path) -> usize {
+    let (trace, _) = Trace::recover(path).unwrap();
+    trace.steps.iter().filter(|step| step.phase == 1).count()
+}
+
 #[test]
-fn a_session_that_is_paused_cut_and_stopped_under_contact_replays_and_one_that_is_killed_says_what_it_lacks() {
+fn a_session_that_is_paused_cut_and_stopped_or_killed_replays_and_one_without_its_changes_says_what_it_lacks() {
     let folder = tempfile::tempdir().unwrap();
     let (path, copy) = (folder.path().join("session.mcap"), folder.path().join("killed.mcap"));
     let options = RunOptions { trace: Some(path.clone()), threads: Some(1), ..RunOptions::default() };
@@ -179,6 +185,14 @@ fn a_session_that_is_paused_cut_and_stopped_under_contact_replays_and_one_that_i
     session.change(&ChangeRequest { release: Some(release), ..ChangeRequest::default() }).unwrap();
     assert!(session.pause(false));
     tick_until(&mut port, presses);
+    // What a kill would leave: the file as it is now, with a chunk behind the change, and no end.
+    tick_until(&mut port, |report| {
+        let looks = report.record.index % 100 == 0;
+        if looks {
+            std::fs::copy(&path, &copy).unwrap();
+        }
+        looks && steps_after_a_change(&copy) > 10
+    });
     let driver = std::thread::spawn(move || tick_until(&mut port, |report| report.phase == Phase::Stopped));
     let outcome = session.stop().unwrap().unwrap();
     driver.join().unwrap();
@@ -189,6 +203,8 @@ fn a_session_that_is_paused_cut_and_stopped_under_contact_replays_and_one_that_i
     let report = replay(&path).unwrap();
     assert!(report.is_identical() && report.ticks > 10, "{report:?}");
 
+    let report = replay(&copy).unwrap();
+    assert!(report.is_identical() && report.damage.is_some() && report.ticks > 400, "{report:?}");
     let trace = Trace::load(&path).unwrap();
     let changed = trace.steps.iter().find(|step| step.phase == 1).unwrap().step;
     rewrite(&trace, &copy);

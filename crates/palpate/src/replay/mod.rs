@@ -24,7 +24,7 @@ use recorded::Reached;
 /// What a comparison found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplayReport {
-    /// Ticks in the trace.
+    /// Ticks of the trace that were compared.
     pub ticks: usize,
     /// Ticks of the new run that the trace does not hold, or the other way round.
     pub unmatched: usize,
@@ -34,7 +34,9 @@ pub struct ReplayReport {
     pub largest_difference: f64,
     /// The first step after which a rigid body was elsewhere, by any bit.
     pub first_body_difference: Option<u64>,
-    /// Where the trace ends early, as after a run that was killed: why. What lies before was compared.
+    /// Ticks that were not compared: their records, or those of their steps, lie in a damaged part of the trace.
+    pub lost: usize,
+    /// What is wrong with the trace: it ends early, as after a run that was killed, or parts of it are damaged.
     pub damage: Option<String>,
 }
 
@@ -69,8 +71,8 @@ pub enum ReplayError {
     },
     /// The body was changed from outside, and how is not in the trace or cannot be read.
     #[error(
-        "{path}: the body was changed from outside before step {step}, and the trace does not say how: changes are \
-         written when a run ends, and this one was killed or its trace was cut off; end the session before its program",
+        "{path}: the body was changed from outside before step {step}, and the record of how is missing or damaged; replay \
+         the trace as it was written",
         path = path.display()
     )]
     MissingChanges {
@@ -94,6 +96,7 @@ pub enum ReplayError {
 /// changes from outside.
 pub fn replay(path: &Path) -> Result<ReplayReport, ReplayError> {
     let (trace, damage) = Trace::recover(path)?;
+    let lossy = matches!(damage, Some(TraceError::Parts { .. }));
     let damage = match damage {
         Some(damage) if trace.ticks.is_empty() || trace.attachment(SCENE).is_none() => return Err(damage.into()),
         damage => damage.map(|damage| damage.to_string()),
@@ -106,11 +109,16 @@ pub fn replay(path: &Path) -> Result<ReplayReport, ReplayError> {
     };
     let scene = Scene::from_trace(text, entry("embedded") == "true", Path::new(entry("folder")))?;
     let world = scene.build()?;
-    let mut comparison = Comparison::new(&trace);
+    let mut comparison = Comparison::new(&trace, lossy);
     if entry("mode") != LOCKSTEP {
         let path = || path.to_path_buf();
         return match workers(None)?.install(|| recorded::again(&world, &trace, &mut comparison))? {
             Reached::End => Ok(ReplayReport { damage, ..comparison.report() }),
+            // Nothing can be followed beyond a record that is lost.
+            Reached::MissingRecord if lossy && comparison.next > 0 => {
+                comparison.leave_out_the_rest();
+                Ok(ReplayReport { damage, ..comparison.report() })
+            }
             Reached::MissingRecord => Err(ReplayError::RealTime { path: path() }),
             Reached::MissingChange { step } => Err(ReplayError::MissingChanges { path: path(), step }),
         };
@@ -128,6 +136,9 @@ struct Comparison<'a> {
     recorded: &'a [palpate_trace::TickRecord],
     next: usize,
     extra: usize,
+    /// Parts of the trace are damaged.
+    lossy: bool,
+    lost: usize,
     first: Option<u64>,
     largest: f64,
     rigid: &'a [palpate_trace::RigidRecord],
@@ -135,9 +146,9 @@ struct Comparison<'a> {
 }
 
 impl<'a> Comparison<'a> {
-    fn new(trace: &'a Trace) -> Self {
+    fn new(trace: &'a Trace, lossy: bool) -> Self {
         let (recorded, rigid) = (&trace.ticks, &trace.rigid);
-        Self { recorded, next: 0, extra: 0, first: None, largest: 0.0, rigid, first_body: None }
+        Self { recorded, next: 0, extra: 0, lossy, lost: 0, first: None, largest: 0.0, rigid, first_body: None }
     }
 
     fn report(&self) -> ReplayReport {
@@ -147,8 +158,16 @@ impl<'a> Comparison<'a> {
             first_difference: self.first,
             largest_difference: self.largest,
             first_body_difference: self.first_body,
+            lost: self.lost,
             damage: None,
         }
+    }
+
+    /// The ticks that are left cannot be compared.
+    fn leave_out_the_rest(&mut self) {
+        let ticks = self.recorded.last().map_or(0, |last| last.tick as usize + 1);
+        self.lost += ticks - self.next;
+        self.recorded = &self.recorded[..self.next];
     }
 }
 
@@ -166,8 +185,9 @@ impl Observer for Comparison<'_> {
     }
 
     fn tick(&mut self, report: &TickReport) {
-        let Some(recorded) = self.recorded.get(self.next) else {
-            self.extra += 1;
+        let recorded = self.recorded.get(self.next);
+        let Some(recorded) = recorded.filter(|recorded| !self.lossy || recorded.tick == report.record.index) else {
+            *(if self.lossy { &mut self.lost } else { &mut self.extra }) += 1;
             return;
         };
         self.next += 1;

@@ -15,15 +15,15 @@ use palpate_haptics::wrench::{Twist, Wrench};
 use palpate_trace::{FactorStatus, StepRecord, TickFlags, TickRecord, Trace};
 
 use super::Comparison;
-use crate::changes::{ChangeQueue, TakenChange, from_text};
+use crate::changes::{ChangeQueue, requests};
 use crate::engine::publish_rest;
 use crate::pace::{seconds, signed_seconds};
-use crate::record::{CHANGES, DEVICE_RECORD, END, TickLine};
+use crate::record::{DEVICE_RECORD, TickLine};
 use crate::refresh::FactorSample;
 use crate::run::{Observer, RunError};
 use crate::step::{StepInput, StepReport, StepState, StepStatus, StepWorkspace, pass_events, step};
 use crate::tick::{TickReport, Ticker};
-use crate::world::World;
+use crate::world::{ChangeRequest, World};
 
 /// How far a trace could be followed.
 pub(super) enum Reached {
@@ -74,8 +74,10 @@ struct Steps<'a> {
     /// The factor in use first.
     factors: Vec<FactorSample>,
     /// Changes from outside that are still to come, and their way to the steps.
-    changes: VecDeque<TakenChange>,
+    changes: VecDeque<ChangeRequest>,
     queue: ChangeQueue,
+    /// Bodies that events of the scene and these have led to, those on their way included.
+    phases: usize,
     snapshots: Writer<HapticSnapshot>,
     /// Whether the last snapshot that was published is valid.
     valid: bool,
@@ -86,11 +88,10 @@ impl<'a> Steps<'a> {
         let rest = world.start().clone();
         let mut ws = StepWorkspace::new(world);
         let factors = vec![FactorSample::first(world, &rest, &mut ws)?];
-        let text = trace.metadata.get(END).and_then(|end| end.get(CHANGES)).map_or("", String::as_str);
-        let changes = from_text(text).unwrap_or_default().into();
+        let (changes, phases) = (requests(trace), world.changes().len());
         let queue = ChangeQueue::new(world, &mut ws);
         let state = StepState::new(world, rest);
-        Ok(Self { world, trace, state, ws, factors, changes, queue, snapshots, valid: false })
+        Ok(Self { world, trace, state, ws, factors, changes, queue, phases, snapshots, valid: false })
     }
 
     /// Takes the snapshot of the last step back, as a pause does.
@@ -107,7 +108,7 @@ impl<'a> Steps<'a> {
             let record = usize::try_from(step).ok().and_then(|k| self.trace.steps.get(k));
             let record = record.filter(|record| record.step == step).ok_or(Reached::MissingRecord)?;
             let report = self.advance(record).ok_or(Reached::MissingRecord)?;
-            // Text of the changes that is missing, or that cannot be read, shows at the first that was taken.
+            // A change that is missing, or that cannot be read, shows at the first step that took it.
             if report.change.phase != record.phase {
                 return Err(Reached::MissingChange { step });
             }
@@ -124,8 +125,12 @@ impl<'a> Steps<'a> {
         let time = seconds(record.time_ns);
         let frame = pose(record.tool_position, record.tool_orientation);
         let tool = ToolPose { frame, opening: record.tool_opening };
-        while let Some(change) = self.changes.pop_front_if(|change| change.step == number) {
-            self.queue.change(self.world, &change.request, |_| ()).ok()?;
+        // The step says how many have been taken by its begin; one that is missing shows there.
+        while self.phases < record.phase as usize
+            && let Some(change) = self.changes.pop_front()
+        {
+            self.queue.change(self.world, &change, |_| ()).ok()?;
+            self.phases += 1;
         }
         let factor = self.factors.first_mut()?;
         pass_events(self.world, time, factor, &mut self.state, &mut self.ws);

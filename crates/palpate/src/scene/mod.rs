@@ -1,5 +1,6 @@
 //! Scenes: a description in TOML or in code, checked before anything is built.
 
+mod argument;
 mod bundled;
 mod check;
 mod description;
@@ -22,6 +23,7 @@ pub use error::{InvalidScene, SceneError};
 use palpate_fem::mesh::TetMesh;
 
 use crate::world::World;
+use argument::{Argument, Before};
 use parse::Source;
 pub(crate) use readable::Readable;
 
@@ -43,6 +45,8 @@ pub struct Scene {
     description: SceneDescription,
     origin: String,
     text: String,
+    /// What it was before arguments of a command line took the place of some values.
+    before: Option<Before>,
     files: Files,
 }
 
@@ -116,10 +120,14 @@ impl Scene {
     }
 
     fn parse(text: String, origin: String, files: Files) -> Result<Self, SceneError> {
-        let source = Source { origin: &origin, text: &text };
+        Self::parse_after(None, text, origin, files)
+    }
+
+    fn parse_after(before: Option<Before>, text: String, origin: String, files: Files) -> Result<Self, SceneError> {
+        let source = Source { origin: &origin, text: &text, before: before.as_ref() };
         let description = source.parse()?;
         check::check(&description, &source)?;
-        Ok(Self { description, origin, text, files })
+        Ok(Self { description, origin, text, before, files })
     }
 
     /// The checked description.
@@ -156,7 +164,8 @@ impl Scene {
     }
 
     /// Takes the body's tetrahedra from another file. Materials of regions that this mesh does not have are left out;
-    /// the answer names these regions.
+    /// the answer names these regions. A mistake in path or scale is told as one of `--mesh` or `--scale`, others at their
+    /// place in the scene's own text.
     ///
     /// # Errors
     /// A mesh that cannot be read, a scale that is not a positive number.
@@ -165,7 +174,11 @@ impl Scene {
         let path = std::path::absolute(path).unwrap_or_else(|_| path.into());
         let absent = |name: &String| !known.contains(name);
         let left_out = self.description.bodies[0].regions.keys().filter(|name| absent(name)).cloned().collect();
-        self.edit(|description| {
+        let mut arguments = vec![Argument::new("--mesh", path.display(), &["mesh", "image", "block", "cell"])];
+        if scale != 1.0 {
+            arguments.push(Argument::new("--scale", scale, &["scale"]));
+        }
+        self.take(arguments, |description| {
             let body = &mut description.bodies[0];
             body.regions.retain(|name, _| !absent(name));
             (body.mesh, body.image, body.block, body.cell) = (Some(path.display().to_string()), None, None, None);
@@ -174,12 +187,12 @@ impl Scene {
         Ok(left_out)
     }
 
-    /// Changes the lattice constant (m) of the body's generated tetrahedra.
+    /// Changes the lattice constant (m) of the body's generated tetrahedra. A mistake in it is told as one of `--cell`.
     ///
     /// # Errors
     /// A cell that is not positive, or a body that is read from a mesh.
     pub fn use_cell(&mut self, cell: f64) -> Result<(), SceneError> {
-        self.edit(|description| description.bodies[0].cell = Some(cell))
+        self.take(vec![Argument::new("--cell", Readable(cell), &["cell"])], |body| body.bodies[0].cell = Some(cell))
     }
 
     /// Changes the description and checks it again.
@@ -187,12 +200,24 @@ impl Scene {
     /// # Errors
     /// As [`Scene::new`]; the scene is unchanged then.
     pub fn edit(&mut self, change: impl FnOnce(&mut SceneDescription)) -> Result<(), SceneError> {
-        let before = self.description.clone();
-        change(&mut self.description);
-        self.rewrite().inspect_err(|_| self.description = before)
+        self.change(None, change)
     }
 
-    fn rewrite(&mut self) -> Result<(), SceneError> {
+    /// Changes the description by arguments of a command line: mistakes in what they say point at them, others at the
+    /// text as it was.
+    fn take(&mut self, new: Vec<Argument>, change: impl FnOnce(&mut SceneDescription)) -> Result<(), SceneError> {
+        let mut before = self.before.clone().unwrap_or_else(|| Before::new(&self.origin, &self.text));
+        before.arguments.extend(new);
+        self.change(Some(before), change)
+    }
+
+    fn change(&mut self, before: Option<Before>, by: impl FnOnce(&mut SceneDescription)) -> Result<(), SceneError> {
+        let unchanged = self.description.clone();
+        by(&mut self.description);
+        self.rewrite(before).inspect_err(|_| self.description = unchanged)
+    }
+
+    fn rewrite(&mut self, before: Option<Before>) -> Result<(), SceneError> {
         let text = toml::to_string(&self.description)
             .map_err(|e| SceneError::invalid(&self.origin, "", 0..0, format!("not expressible as TOML: {e}"), None))?;
         // The places of later mistakes are places in the new text.
@@ -200,7 +225,7 @@ impl Scene {
             Some(_) => self.origin.clone(),
             None => format!("{}{CHANGED}", self.origin),
         };
-        *self = Self::parse(text, origin, self.files.clone())?;
+        *self = Self::parse_after(before, text, origin, self.files.clone())?;
         Ok(())
     }
 
@@ -236,7 +261,7 @@ impl Scene {
 
     /// An error about a key of this scene.
     pub(crate) fn at(&self, path: &str, message: impl Into<String>, remedy: impl Into<String>) -> SceneError {
-        Source { origin: &self.origin, text: &self.text }.at(path, message, remedy)
+        Source { origin: &self.origin, text: &self.text, before: self.before.as_ref() }.at(path, message, remedy)
     }
 }
 

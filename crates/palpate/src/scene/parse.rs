@@ -5,6 +5,7 @@ use std::ops::Range;
 use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 
+use super::argument::Before;
 use super::description::SceneDescription;
 use super::error::{SceneError, nearest};
 
@@ -12,6 +13,8 @@ use super::error::{SceneError, nearest};
 pub(super) struct Source<'a> {
     pub(super) origin: &'a str,
     pub(super) text: &'a str,
+    /// Where the values come from, if the text was made of another one and of arguments.
+    pub(super) before: Option<&'a Before>,
 }
 
 impl Source<'_> {
@@ -33,11 +36,16 @@ impl Source<'_> {
 
     /// An error at the value of a key path such as `body.0.density`; at its parent where the key is absent.
     pub(super) fn at(&self, path: &str, message: impl Into<String>, remedy: impl Into<String>) -> SceneError {
-        SceneError::invalid(self.origin, self.text, self.span(path), message, Some(remedy.into()))
+        let remedy = Some(remedy.into());
+        if let Some(argument) = self.before.and_then(|before| before.argument(path)) {
+            return SceneError::invalid("command line", &argument.text, argument.value(), message, remedy);
+        }
+        let (origin, text) = self.before.map_or((self.origin, self.text), |before| (&before.origin, &before.text));
+        SceneError::invalid(origin, text, Self::span(text, path), message, remedy)
     }
 
-    fn span(&self, path: &str) -> Range<usize> {
-        let Ok(root) = DeTable::parse(self.text) else { return 0..0 };
+    fn span(text: &str, path: &str) -> Range<usize> {
+        let Ok(root) = DeTable::parse(text) else { return 0..0 };
         let mut span = 0..0;
         let mut parts = path.split('.');
         let Some(first) = parts.next() else { return span };

@@ -109,10 +109,9 @@ impl StepState {
         world.changes().get(last).or_else(|| self.outside.get(last.checked_sub(of_scene)?).map(|change| &**change))
     }
 
-    /// The changes from outside so far, each with the step that it came before.
-    pub(crate) fn outside(&self, world: &World) -> impl Iterator<Item = (u64, &Change)> {
-        let first = world.changes().len() + 1;
-        self.outside.iter().zip(self.began.iter().skip(first)).map(|(change, step)| (*step, &**change))
+    /// The changes from outside so far.
+    pub(crate) fn outside(&self) -> impl Iterator<Item = &Change> {
+        self.outside.iter().map(|change| &**change)
     }
 
     /// Events and changes from outside so far. Without the latter the body is that of [`World::phase`] of this number.

@@ -13,7 +13,6 @@ use palpate_trace::Skin;
 
 use super::World;
 use super::course::Stretch;
-use super::outside::ChangeRequest;
 use crate::scene::SceneError;
 
 /// The world after an event, and the way there from the one before.
@@ -27,8 +26,6 @@ pub struct Change {
     cuts: bool,
     /// For each node whether it is part of the skin.
     skin: Vec<bool>,
-    /// What was asked for, where it came from outside.
-    request: Option<ChangeRequest>,
     /// The skin as traces draw it.
     triangles: Skin,
     text: String,
@@ -57,10 +54,6 @@ impl Change {
 
     pub(crate) fn memory(&self) -> &CarriedMemory {
         &self.memory
-    }
-
-    pub(crate) fn request(&self) -> Option<&ChangeRequest> {
-        self.request.as_ref()
     }
 
     pub(crate) fn triangles(&self) -> &Skin {
@@ -101,19 +94,14 @@ pub(super) fn body_after(whole: &World, config: &FemConfig, stretch: Stretch) ->
 pub(super) fn changes(whole: &World, bodies: Vec<Later>) -> Result<Vec<Change>, SceneError> {
     let mut changes: Vec<Change> = Vec::with_capacity(bodies.len());
     for later in bodies {
-        let change = change_to(whole, changes.last(), later, None)?;
+        let change = change_to(whole, changes.last(), later)?;
         changes.push(change);
     }
     Ok(changes)
 }
 
 /// The way from the body after `before`, or from the whole one, to a later one.
-pub(super) fn change_to(
-    whole: &World,
-    before: Option<&Change>,
-    later: Later,
-    request: Option<ChangeRequest>,
-) -> Result<Change, SceneError> {
+pub(super) fn change_to(whole: &World, before: Option<&Change>, later: Later) -> Result<Change, SceneError> {
     let Later { stretch, mesh, model } = later;
     let all: Vec<u32>;
     let (model_before, left_before) = match before.map(|change| (&change.world.model, &change.world.left)) {
@@ -144,7 +132,7 @@ pub(super) fn change_to(
         left: Some(left),
         ..whole.clone()
     };
-    Ok(Change { time, world, memory, cuts, skin, request, triangles, text })
+    Ok(Change { time, world, memory, cuts, skin, triangles, text })
 }
 
 fn refused(whole: &World, stretch: &Stretch, message: String) -> SceneError {

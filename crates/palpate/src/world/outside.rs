@@ -110,7 +110,7 @@ impl ChangeMaker {
         let stretch = Stretch { event: number, ..stretch };
         let later = body_after(world, &basis.config, stretch)?;
         let before = self.last.as_deref().or(world.changes.last());
-        let change = Arc::new(change_to(world, before, later, Some(request.clone()))?);
+        let change = Arc::new(change_to(world, before, later)?);
         (self.held, self.gone, self.last) = (held, gone, Some(Arc::clone(&change)));
         self.made += 1;
         Ok(change)
