@@ -116,14 +116,15 @@ impl<'a> Legend<'a> {
     }
 }
 
-/// Which panels a group is shown by, in words that fit the legend; several by their numbers in the order of reading.
+/// Which panels a group is shown by, in words that fit the legend; several, and one with a long title, by their numbers in the
+/// order of reading.
 fn heading(those: &[usize], panels: &[Panel]) -> String {
     const LONGEST: usize = 30;
     match those {
         all if all.len() == panels.len() => "all panels".into(),
         [] => String::new(),
         [one] if panels[*one].title.chars().count() <= LONGEST => panels[*one].title.clone(),
-        [one] => panels[*one].title.chars().take(LONGEST).chain("…".chars()).collect(),
+        [one] => format!("panel {}", one + 1),
         [first, .., last] if last - first + 1 == those.len() => format!("panels {} to {}", first + 1, last + 1),
         some => format!("panels {}", some.iter().map(|k| (k + 1).to_string()).collect::<Vec<_>>().join(", ")),
     }
@@ -188,13 +189,13 @@ mod tests {
     fn names_are_grouped_by_their_panels_and_told_apart_within_each() {
         let panels = [
             panel("first", &["a", "b"]),
-            panel("second", &["c", "a"]),
+            panel("second, of which there is more to say", &["c", "a"]),
             panel("third", &["d"]),
             panel("fourth", &["d"]),
         ];
         let legend = Legend::of(&panels);
         let headings: Vec<_> = legend.groups.iter().map(|group| group.heading.as_str()).collect();
-        assert_eq!(headings, ["panels 1 to 2", "first", "second", "panels 3 to 4"]);
+        assert_eq!(headings, ["panels 1 to 2", "first", "panel 2", "panels 3 to 4"]);
         let look = |name: &str| legend.style(name).map(|style| (style.color, style.shape)).unwrap();
         assert!(look("a") != look("b") && look("a") != look("c"));
         assert_eq!(look("d"), look("a"), "no panel shows both");
