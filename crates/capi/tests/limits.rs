@@ -7,7 +7,7 @@ mod rig;
 use std::time::Duration;
 
 use palpate_capi::*;
-use rig::{Rig, norm, options};
+use rig::{Rig, input, norm, options};
 
 /// Lifts the tool by 0.1 m/s from 4 mm deep; what the ticks told.
 fn lift(rig: &Rig) -> Vec<Output> {
@@ -71,4 +71,23 @@ fn a_tool_that_jumps_by_a_tenth_of_a_metre_gives_no_force_until_it_is_back() {
     assert!(back.flags & PALPATE_TICK_JUMPED == 0 && back.gain < 0.5, "{back:?}");
     rig.press(0.004);
     assert!(statistics_now(&rig).jumped > 0);
+}
+
+#[test]
+fn a_timestamp_that_leaps_gives_the_force_no_more_time_than_has_passed() {
+    let rig = Rig::started(&Options { force_slew: 20.0, ..options() });
+    rig.press(0.004);
+    for _ in 0..5 {
+        let begin = rig.now();
+        let before = rig.tick_at(0.004).1;
+        let ahead = input(rig.now() + 49_000_000, [0.0, 0.0, -rig::TOUCH - 0.009]);
+        let (_, leapt) = rig.tick(&ahead);
+        // Both ticks began within it.
+        let passed = 1e-9 * (rig.now() - begin) as f64;
+        let change: [f64; 3] = std::array::from_fn(|i| leapt.force[i] - before.force[i]);
+        assert!(leapt.dt <= passed && norm(change) <= 20.0 * passed + 1e-12, "{} N in {passed} s", norm(change));
+        assert!(leapt.flags & PALPATE_TICK_CLOCK != 0 || passed > 0.02, "{leapt:?}");
+        // The device's clock goes on from before, and is not believed for a second: so it is in the next round.
+        rig.tick_until(0.004, "a clock that is believed", |o| o.flags & PALPATE_TICK_CLOCK == 0 && o.gain == 1.0);
+    }
 }
