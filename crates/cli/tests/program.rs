@@ -155,6 +155,12 @@ fn the_command_line_replaces_mesh_and_cells() {
     assert!(run.err.contains("has no region `bone`"), "{}", run.err);
     assert_eq!(place.run("replay m.mcap").code, Some(0));
 
+    // A file that is not there is told by the line that names it.
+    place.write("absent.toml", &text.replace("block = {", "mesh = \"absent.vtu\" # {"));
+    let run = place.run("check absent.toml");
+    let line = text.lines().position(|line| line.starts_with("block = ")).unwrap() + 1;
+    assert!(run.code == Some(2) && run.err.contains(&format!("[absent.toml:{line}:")), "{}", run.err);
+    assert!(run.err.contains("there is no file") && run.err.contains("absent.vtu"), "{}", run.err);
     // A mistake that shows with the other mesh is one of the scene, in its own line.
     place.write("nothing.toml", &text.replace("at = 0.001", "at = -0.001"));
     let run = place.run("run nothing.toml --mesh other.vtu --lockstep --steps 3 --no-trace");

@@ -115,6 +115,8 @@ fn contact(s: &RunSummary, facts: &mut Facts) {
 fn device(s: &RunSummary, facts: &mut Facts) {
     if s.largest_force > 0.0 {
         facts.row("largest force [N]", format!("{:.3}", s.largest_force));
+    } else {
+        facts.absent.push("force on the device");
     }
     let port = &s.port;
     if port.energy.iter().any(|&energy| energy != 0.0) {

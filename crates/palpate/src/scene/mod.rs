@@ -259,6 +259,13 @@ impl Scene {
         }
     }
 
+    /// Refuses a file that the scene names under this key and that is not there.
+    pub(crate) fn check_file(&self, key: &str, path: &Path) -> Result<(), SceneError> {
+        let absent = || format!("there is no file {}", path.display());
+        let remedy = "check the path; it begins in the folder of the scene";
+        if path.exists() { Ok(()) } else { Err(self.at(key, absent(), remedy)) }
+    }
+
     /// An error about a key of this scene.
     pub(crate) fn at(&self, path: &str, message: impl Into<String>, remedy: impl Into<String>) -> SceneError {
         Source { origin: &self.origin, text: &self.text, before: self.before.as_ref() }.at(path, message, remedy)

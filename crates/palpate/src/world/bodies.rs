@@ -192,6 +192,7 @@ fn solid(scene: &Scene, path: &str, shape: &SolidShape) -> Result<Solid, SceneEr
     let SceneFile::Path(path_of_file) = scene.file(file) else {
         return Err(refuse(format!("`{file}` is not a closed surface")));
     };
+    scene.check_file(&format!("{path}.file"), &path_of_file)?;
     let surface = ClosedSurface::from_path(&path_of_file, *scale)?;
     Solid::mesh(surface.vertices().to_vec(), surface.triangles().to_vec()).map_err(|e| refuse(e.to_string()))
 }

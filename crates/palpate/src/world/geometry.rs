@@ -29,6 +29,7 @@ pub(super) fn load(scene: &Scene) -> Result<Loaded, SceneError> {
                 "name it as `image`, with a `cell`",
             ));
         };
+        scene.check_file("body.0.mesh", &path)?;
         let file = format::read(&path)?;
         let scaled = body.scale != 1.0;
         let of_units = |w: &MeshWarning| matches!(w, MeshWarning::Units { .. });
@@ -51,7 +52,10 @@ pub(super) fn load(scene: &Scene) -> Result<Loaded, SceneError> {
         SceneFile::Embedded(bytes) => {
             stuff_image(&LabelImage::from_inrimage_bytes(bytes)?, &stuffing).map_err(SceneError::from)
         }
-        SceneFile::Path(path) => make(&path, body.scale, &stuffing),
+        SceneFile::Path(path) => {
+            scene.check_file("body.0.image", &path)?;
+            make(&path, body.scale, &stuffing)
+        }
     };
     let (mesh, report) = made.map_err(|error| match error {
         SceneError::Stuffing(absent @ StuffingError::NoSuchLabel { .. }) => {

@@ -48,7 +48,8 @@ impl World {
         let mut text = String::new();
         let fixed = self.model.free_of_node().iter().filter(|&&free| free == FIXED).count();
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "scene {}: {}", d.name, d.description);
+        let described = if d.description.is_empty() { "" } else { ": " };
+        let _ = writeln!(text, "scene {}{described}{}", d.name, d.description);
         let _ = writeln!(
             text,
             "body {}: {} nodes ({fixed} fixed), {} ({}), {:.1} cm³, {:.3} kg",
