@@ -31,7 +31,7 @@ pub enum EquilibriumError {
     /// A load step that is not in its range.
     #[error("{name} = {value}: the {range}; the default is {default}")]
     Step {
-        /// The field of [`EquilibriumConfig`].
+        /// The field of [`EquilibriumConfig`](super::EquilibriumConfig).
         name: &'static str,
         /// What was given.
         value: f64,
@@ -43,7 +43,7 @@ pub enum EquilibriumError {
     /// Newton's method may do nothing, or stops at once.
     #[error("newton.{name} = {value}: {range}")]
     Newton {
-        /// The field of [`NewtonConfig`].
+        /// The field of [`NewtonConfig`](crate::integrator::newton::NewtonConfig).
         name: &'static str,
         /// What was given.
         value: f64,
