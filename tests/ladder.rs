@@ -1,4 +1,5 @@
-//! A stated accuracy is kept by the cheapest method that does: up when it is missed, down when the rung below would do.
+//! A stated accuracy of the contact forces is kept by the lowest method that does: up when it is missed, down when the rung
+//! below would do.
 
 #![allow(clippy::print_stdout)] // measured numbers
 
@@ -13,7 +14,11 @@ use palpate::scene::{ContactMethod, Refactor};
 use palpate::step::StepReport;
 use palpate::world::{CALM_STEPS, LOWER_SHARE, Rung};
 
-const ACCURACY: f64 = 0.1;
+/// What forces that are refined miss in a deep press, and keep to under a light touch.
+const ACCURACY: f64 = 0.005;
+
+/// The same for `W` itself, which is what is known without an exact correction.
+const OF_COMPLIANCE: f64 = 0.1;
 
 /// The block with an accuracy to keep, and columns compared to the end.
 fn block(compliance: ComplianceMethod, change: impl FnOnce(&mut SceneDescription)) -> World {
@@ -54,18 +59,18 @@ fn rung(report: &StepReport) -> Rung {
 #[test]
 fn a_deep_press_climbs_and_comes_down_after_it() {
     let world = block(ComplianceMethod::Automatic, |_| ());
-    assert_eq!(world.plan().ladder.unwrap().rungs(), Rung::ALL);
+    assert_eq!(world.plan().ladder.unwrap().rungs(), [Rung::Asynchronous, Rung::Early, Rung::Exact]);
     let all = steps(&world, depth);
     let line = |k: usize, r: &StepReport| {
         println!(
             "step {k:3}: {:20} error {:.4} below {:.4}",
             rung(r).name(),
-            r.error.measured().unwrap_or(f64::NAN),
+            r.error.of_forces().unwrap_or(f64::NAN),
             r.error.lower
         );
     };
     (15..100).step_by(3).for_each(|k| line(k, &all[k]));
-    assert!(all[..20].iter().all(|r| rung(r) == Rung::Warped), "a light touch is left to the cheapest");
+    assert!(all[..20].iter().all(|r| rung(r) == Rung::Asynchronous), "a light touch is left to the lowest");
     let highest = all.iter().map(rung).max().unwrap();
     assert!(highest >= Rung::Early, "the press climbs, not only to {highest:?}");
 
@@ -74,19 +79,20 @@ fn a_deep_press_climbs_and_comes_down_after_it() {
     for (before, after) in all.iter().zip(&all[1..]) {
         let misses = before.active > 0
             && before.method != ComplianceMethod::Exact
-            && before.error.measured().is_some_and(|e| e > ACCURACY);
+            && before.error.of_forces().is_some_and(|e| e > ACCURACY);
+        assert_eq!(misses, before.error.missed_accuracy);
         assert_eq!(rung(after) > rung(before), misses && rung(before) != Rung::Exact, "after step {}", before.step);
         missed += usize::from(misses);
     }
-    let climbed = all.iter().rposition(|r| r.active > 0 && r.error.measured().is_some_and(|e| e > ACCURACY)).unwrap();
+    let climbed = all.iter().rposition(|r| r.error.missed_accuracy).unwrap();
     println!("highest {highest:?}, {missed} steps missed the accuracy, the last is {climbed}");
     assert!((2..=8).contains(&missed), "{missed}");
 
     // Released, it comes down a rung every CALM_STEPS, and ends where it began.
     let free = all.iter().rposition(|r| r.active > 0).unwrap();
-    let down = all.iter().skip(free).position(|r| rung(r) == Rung::Warped).unwrap();
-    assert!(down <= 3 * CALM_STEPS as usize + 1, "{down} steps after step {free}");
-    assert!(all[free + down..].iter().all(|r| rung(r) == Rung::Warped));
+    let down = all.iter().skip(free).position(|r| rung(r) == Rung::Asynchronous).unwrap();
+    assert!(down <= 2 * CALM_STEPS as usize + 1, "{down} steps after step {free}");
+    assert!(all[free + down..].iter().all(|r| rung(r) == Rung::Asynchronous));
 }
 
 /// The correction by the old inverse tells nothing of its error: a column is compared in every step, whatever the scene
@@ -96,6 +102,7 @@ fn a_run_climbs_also_where_the_correction_does_not_tell_the_error() {
     let world = block(ComplianceMethod::Asynchronous, |scene| {
         let body = &mut scene.bodies[0];
         (body.correction, body.error_sampling) = (MotionCorrection::Matching, 1e-9);
+        body.accuracy = Some(OF_COMPLIANCE);
     });
     assert_eq!(world.plan().sampling.every, 1);
     let all = steps(&world, depth);
@@ -107,7 +114,7 @@ fn a_run_climbs_also_where_the_correction_does_not_tell_the_error() {
     assert!(all.iter().all(|r| r.error.along_forces.is_nan()), "the correction tells nothing");
     let mut missed = 0;
     for (before, after) in all.iter().zip(&all[1..]) {
-        let misses = inexact(&before) && before.error.measured().is_some_and(|error| error > ACCURACY);
+        let misses = inexact(&before) && before.error.measured().is_some_and(|error| error > OF_COMPLIANCE);
         assert_eq!(rung(after) > rung(before), misses && rung(before) != Rung::Exact, "after step {}", before.step);
         missed += usize::from(misses);
     }
@@ -161,13 +168,67 @@ fn an_accuracy_that_nothing_measures_is_refused() {
     .unwrap();
 }
 
+/// Steps at the poses of the block's path with factors two steps old: forces, and reports.
+fn path(world: &World) -> Vec<StepReport> {
+    let mut simulation = Simulation::new(world).unwrap().refresh_every(3);
+    (0..block::STEPS).map(|k| simulation.step(&block::pose(k))).collect()
+}
+
+/// Where the latest factor serves, an accuracy changes nothing, to the bit: it costs nothing then.
 #[test]
-fn a_still_press_stays_on_the_cheapest_method() {
+fn what_asynchronous_steps_serve_is_left_to_them() {
+    let plain = path(&block(ComplianceMethod::Asynchronous, |scene| scene.bodies[0].accuracy = None));
+    for accuracy in [0.9, 0.17] {
+        for method in [ComplianceMethod::Automatic, ComplianceMethod::Asynchronous] {
+            let all = path(&block(method, |scene| scene.bodies[0].accuracy = Some(accuracy)));
+            assert!(all.iter().all(|r| rung(r) == Rung::Asynchronous && r.method != ComplianceMethod::Exact));
+            assert!(all.iter().zip(&plain).all(|(a, b)| a.force == b.force), "{accuracy}, {method:?}");
+        }
+    }
+    let known = |r: &&StepReport| r.error.of_forces().is_some();
+    let (w, forces) = plain.iter().filter(known).fold((0.0_f64, 0.0_f64), |(w, forces), r| {
+        (w.max(r.error.measured().unwrap_or(0.0)), forces.max(r.error.of_forces().unwrap_or(0.0)))
+    });
+    println!("W is wrong by {w:.4}, forces miss {forces:.5}");
+    assert!(w > 0.17 && forces < 0.17, "`W` alone would have climbed: {w}, {forces}");
+}
+
+/// The force of a run on a ladder against that of exact steps, as share of the largest force.
+#[test]
+fn the_contact_forces_meet_the_accuracy_where_the_ladder_says_so() {
+    let deep = |world: &World| steps(world, depth);
+    let sliding = |world: &World| path(world);
+    for (name, run) in [("pressed deep", &deep as &dyn Fn(&World) -> Vec<StepReport>), ("sliding", &sliding)] {
+        let exact = run(&block(ComplianceMethod::Exact, |scene| scene.bodies[0].accuracy = None));
+        let largest = exact.iter().map(|r| r.force.norm()).fold(0.0, f64::max);
+        for accuracy in [0.3, 0.1, 0.03, 0.01, 0.003, 0.001] {
+            let all = run(&block(ComplianceMethod::Automatic, |scene| scene.bodies[0].accuracy = Some(accuracy)));
+            let errors = || all.iter().zip(&exact).map(|(a, b)| (a.force - b.force).norm() / largest);
+            let (worst, kept) = all.iter().zip(errors()).fold((0.0_f64, 0.0_f64), |(worst, kept), (r, error)| {
+                (worst.max(error), if r.error.missed_accuracy { kept } else { kept.max(error) })
+            });
+            let missed = all.iter().filter(|r| r.error.missed_accuracy).count();
+            let of = |wanted| all.iter().filter(|r| r.active > 0 && rung(r) == wanted).count();
+            let told = all.iter().filter_map(|r| r.error.of_forces()).fold(0.0, f64::max);
+            println!(
+                "{name}, {accuracy}: {} async, {} early, {} exact; {missed} missed; told up to {told:.4}; off by {kept:.5} \
+                 where met, {worst:.5} at worst",
+                of(Rung::Asynchronous),
+                of(Rung::Early),
+                of(Rung::Exact)
+            );
+            assert!(kept <= accuracy, "{name}, {accuracy}: {kept}");
+        }
+    }
+}
+
+#[test]
+fn a_still_press_stays_on_the_lowest_method() {
     let world = block(ComplianceMethod::Automatic, |_| ());
     let all = steps(&world, |_| 0.001);
-    assert!(all.iter().all(|r| rung(r) == Rung::Warped && r.rows.rows > 0));
-    assert!(all.iter().all(|r| r.method == ComplianceMethod::Warped));
-    let worst = all.iter().filter_map(|r| r.error.measured()).fold(0.0, f64::max);
+    assert!(all.iter().all(|r| rung(r) == Rung::Asynchronous && r.rows.rows > 0));
+    assert!(all.iter().all(|r| r.method == ComplianceMethod::Asynchronous));
+    let worst = all.iter().filter_map(|r| r.error.of_forces()).fold(0.0, f64::max);
     println!("largest error {worst:.4}");
     assert!(worst > 0.0 && worst <= ACCURACY, "{worst}");
 }
@@ -176,7 +237,7 @@ fn a_still_press_stays_on_the_cheapest_method() {
 #[test]
 fn the_error_of_the_rung_below_is_foretold() {
     let world = block(ComplianceMethod::Automatic, |_| ());
-    // Pressed deep, and half way back: the first matrix would do again.
+    // Pressed deep, and half way back: the latest factor would do again.
     let all = steps(&world, |k| match k {
         0..30 => 0.0005 * k as f64,
         30..40 => 0.0145 - 0.0014 * (k - 30) as f64,
@@ -184,14 +245,14 @@ fn the_error_of_the_rung_below_is_foretold() {
     });
     let mut descents = 0;
     for (before, after) in all.iter().zip(&all[1..]).filter(|(a, b)| rung(b) < rung(a)) {
-        let measured = after.error.measured().unwrap();
+        let measured = after.error.of_forces().unwrap();
         println!("{:?} -> {:?}: foretold {:.4}, is {measured:.4}", rung(before), rung(after), before.error.lower);
         assert!(before.error.lower <= LOWER_SHARE * ACCURACY);
         assert!(measured <= ACCURACY, "step {}", after.step);
         descents += 1;
     }
     assert!(descents >= 2, "{descents}");
-    assert_eq!(all.last().map(rung), Some(Rung::Warped));
+    assert_eq!(all.last().map(rung), Some(Rung::Asynchronous));
 }
 
 #[test]
@@ -203,11 +264,14 @@ fn a_named_method_is_the_lowest_rung_and_skin_without_room_is_left_to_half_solve
     assert_eq!(rungs(&warped), Some(vec![Rung::Warped, Rung::Exact]));
     assert_eq!((warped.plan().refactor, warped.plan().has_factor_thread()), (Refactor::Once, false));
     assert_eq!(rungs(&block(ComplianceMethod::Exact, |_| ())), None);
-    let tight = block(ComplianceMethod::Automatic, |scene| scene.bodies[0].surface_memory = 0.01);
-    assert_eq!(rungs(&tight), Some(vec![Rung::Asynchronous, Rung::Early, Rung::Exact]));
+    // The precomputed inverse is for the named method alone: beside a factor thread it costs more than it spares.
+    assert_eq!(rungs(&block(ComplianceMethod::Automatic, |_| ())), rungs(&named));
+    assert!(block(ComplianceMethod::Automatic, |_| ()).plan().precomputed.is_none());
+    let tight = block(ComplianceMethod::Warped, |scene| scene.bodies[0].surface_memory = 0.01);
+    assert_eq!(rungs(&tight), Some(vec![Rung::Warped, Rung::Exact]));
     let text = tight.plan().to_string();
     assert!(text.contains("`surface_memory`") && text.contains("MB"), "it says why and what to do: {text}");
-    let wide = block(ComplianceMethod::Automatic, |_| ()).plan().precomputed.unwrap();
+    let wide = warped.plan().precomputed.unwrap();
     assert!(wide.fits() && wide.bytes == wide.nodes * (wide.nodes + 1) / 2 * 36, "{wide:?}");
 
     // The same press on warped alone: exact steps where it misses.
@@ -220,7 +284,7 @@ fn a_named_method_is_the_lowest_rung_and_skin_without_room_is_left_to_half_solve
 fn a_run_on_a_ladder_repeats_to_the_bit_on_any_number_of_threads_and_replays() {
     let folder = tempfile::tempdir().unwrap();
     let trace = folder.path().join("ladder.mcap");
-    let world = block(ComplianceMethod::Automatic, |scene| scene.bodies[0].accuracy = Some(0.03));
+    let world = block(ComplianceMethod::Automatic, |scene| scene.bodies[0].accuracy = Some(0.001));
     let run = |threads, trace| {
         let (length, threads) = (Length::Seconds(1.2), Some(threads));
         let (outcome, recorder) =
@@ -245,7 +309,7 @@ fn a_run_on_a_ladder_repeats_to_the_bit_on_any_number_of_threads_and_replays() {
 #[test]
 fn a_run_in_lockstep_at_defaults_refreshes_early() {
     let mut early = 0;
-    for accuracy in [0.02, 0.03, 0.05, 0.08] {
+    for accuracy in [0.0005, 0.001, 0.002, 0.005] {
         let world = block(ComplianceMethod::Asynchronous, |scene| scene.bodies[0].accuracy = Some(accuracy));
         // A tick is more than a block of this size takes.
         let rates = world.description().rates;

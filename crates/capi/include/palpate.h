@@ -492,6 +492,26 @@ typedef struct palpate_statistics_data {
      Lowest energy of a contact (J): what it gave out beyond what it had taken in.
      */
     double lowest_energy;
+    /*
+     Relative error of the compliance that the latest step measured; NaN where it measured none.
+     */
+    double compliance_error;
+    /*
+     Relative error of the contact forces of the latest step, as far as it is known; NaN where it is not.
+     */
+    double force_error;
+    /*
+     Deepest overlap that the correction of the latest step left (m).
+     */
+    double overlap;
+    /*
+     Conjugate-gradient iterations of the latest step: of free motion and correction.
+     */
+    uint32_t iterations;
+    /*
+     Always 0.
+     */
+    uint32_t reserved_too;
 } palpate_statistics_data;
 
 /*

@@ -94,6 +94,16 @@ pub struct Statistics {
     pub energy_by_torque: f64,
     /// Lowest energy of a contact (J): what it gave out beyond what it had taken in.
     pub lowest_energy: f64,
+    /// Relative error of the compliance that the latest step measured; NaN where it measured none.
+    pub compliance_error: f64,
+    /// Relative error of the contact forces of the latest step, as far as it is known; NaN where it is not.
+    pub force_error: f64,
+    /// Deepest overlap that the correction of the latest step left (m).
+    pub overlap: f64,
+    /// Conjugate-gradient iterations of the latest step: of free motion and correction.
+    pub iterations: u32,
+    /// Always 0.
+    pub reserved_too: u32,
 }
 
 // SAFETY: repr(C), plain numbers; LEAST is the offset of a field.
@@ -141,6 +151,26 @@ impl Statistics {
             energy: s.port.energy[0],
             energy_by_torque: s.port.energy[1],
             lowest_energy: s.port.least_account,
+            compliance_error: s.compliance_error,
+            force_error: s.force_error,
+            overlap: s.overlap,
+            iterations: s.iterations,
+            reserved_too: 0,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_latest_step_knows_of_itself_is_handed_over() {
+        let session =
+            Session { compliance_error: 0.04, force_error: 0.002, overlap: 1e-5, iterations: 7, ..Session::default() };
+        let told = Statistics::new(&session, Phase::Running);
+        assert_eq!((told.compliance_error, told.force_error, told.overlap, told.iterations), (0.04, 0.002, 1e-5, 7));
+        let nothing = Session { compliance_error: f64::NAN, ..session };
+        assert!(Statistics::new(&nothing, Phase::Running).compliance_error.is_nan());
     }
 }

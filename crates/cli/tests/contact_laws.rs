@@ -74,7 +74,17 @@ fn help_and_scenes_list_laws_methods_and_solvers() {
     for command in ["scenes", "run --help", "check --help"] {
         let listed = place.run(command);
         assert_eq!(listed.code, Some(0), "{listed:?}");
-        for word in ["faceted_coulomb", "tresca", "threshold", "lagrange", "semismooth_newton", "ogden"] {
+        for word in [
+            "faceted_coulomb",
+            "tresca",
+            "threshold",
+            "lagrange",
+            "semismooth_newton",
+            "ogden",
+            "matching",
+            "warped",
+            "accuracy",
+        ] {
             assert!(listed.out.contains(word), "{command}: {word} in {}", listed.out);
         }
     }

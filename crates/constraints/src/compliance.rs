@@ -36,6 +36,9 @@ pub enum ComplianceMethod {
 }
 
 impl ComplianceMethod {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Automatic, Self::Exact, Self::Asynchronous, Self::Warped];
+
     /// Name in scenes and reports.
     pub fn name(self) -> &'static str {
         match self {
@@ -61,6 +64,9 @@ pub enum MotionCorrection {
 }
 
 impl MotionCorrection {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Exact, Self::Matching];
+
     /// Name in scenes and reports.
     pub fn name(self) -> &'static str {
         match self {

@@ -1,5 +1,6 @@
 //! Gathers the reports of a run into its summary.
 
+mod climbing;
 mod room;
 mod summary;
 mod unsolved;
@@ -16,7 +17,8 @@ use crate::run::{Observer, Progress};
 use crate::step::{FactorFit, FailedElement, StepReport, StepStatus, Tangle};
 use crate::summary::{EventRecord, PortSummary, RunEnd, Tail, Unconverged};
 use crate::tick::{TickFlags, TickReport};
-use crate::world::{Rung, World};
+use crate::world::World;
+use climbing::Climbing;
 use room::Room;
 use unsolved::Unsolved;
 
@@ -41,9 +43,7 @@ pub(crate) struct Gathering {
     overlap: f64,
     early: u64,
     exact_steps: u64,
-    rungs: BTreeMap<Rung, u64>,
-    climbs: u64,
-    rung: Option<Rung>,
+    climbing: Climbing,
     active: usize,
     time: f64,
     force: f64,
@@ -108,9 +108,7 @@ impl Gathering {
             overlap: 0.0,
             early: 0,
             exact_steps: 0,
-            rungs: BTreeMap::new(),
-            climbs: 0,
-            rung: None,
+            climbing: Climbing::default(),
             active: 0,
             time: 0.0,
             force: 0.0,
@@ -161,11 +159,7 @@ impl Gathering {
         }
         self.overlap = self.overlap.max(report.error.overlap);
         self.exact_steps += u64::from(report.rows.rows > 0 && report.method == ComplianceMethod::Exact);
-        if let Some(rung) = report.rung.filter(|_| report.rows.rows > 0) {
-            *self.rungs.entry(rung).or_default() += 1;
-        }
-        self.climbs += u64::from(self.rung.is_some_and(|before| report.rung.is_some_and(|now| now > before)));
-        self.rung = report.rung;
+        self.climbing.add(report);
         self.active = report.active;
         self.step_overruns += u64::from(report.overruns);
         self.room.add(report);

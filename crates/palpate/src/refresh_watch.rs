@@ -24,18 +24,20 @@ pub struct RefreshWatch {
 }
 
 impl RefreshWatch {
-    /// A watch that holds the measured error of the compliance to a tenth, or on a ladder to its accuracy.
+    /// A watch that holds the measured error of the compliance to a tenth, or on a ladder that of the forces to its accuracy.
     pub fn new(plan: &Plan) -> Self {
         Self { epoch: None, iterations: 0, accuracy: plan.ladder.map(|ladder| ladder.accuracy) }
     }
 
-    /// Measured error at which the factor of a step is too old. On a ladder early refreshes for the error's sake are a rung of
-    /// their own; on the lowest rungs the factor at hand has no part in the error, or does what it does at its rate.
-    fn largest_error(&self, rung: Option<Rung>) -> f64 {
-        match (rung, self.accuracy) {
-            (Some(Rung::Early), Some(accuracy)) => LOWER_SHARE * accuracy,
-            (Some(_), Some(_)) => f64::INFINITY,
-            _ => LARGEST_ERROR,
+    /// Whether the error that a step measured tells that its factor is too old. On a ladder early refreshes for the error's
+    /// sake are a rung of their own, where that of the forces counts.
+    fn is_wrong(&self, report: &StepReport) -> bool {
+        match (report.rung, self.accuracy) {
+            (Some(Rung::Early), Some(accuracy)) => {
+                report.error.of_forces().is_some_and(|error| error > LOWER_SHARE * accuracy)
+            }
+            (Some(_), Some(_)) => false,
+            _ => report.error.measured().is_some_and(|error| error > LARGEST_ERROR),
         }
     }
 
@@ -47,7 +49,7 @@ impl RefreshWatch {
             (self.epoch, self.iterations) = (Some(report.factor_epoch), iterations);
         }
         let jumped = iterations > FEW_ITERATIONS && iterations > JUMP * self.iterations;
-        let wrong = report.error.measured().is_some_and(|error| error > self.largest_error(report.rung));
+        let wrong = self.is_wrong(report);
         let of_another_body = report.change.factor != FactorFit::Own;
         report.factor_age > 0.0 && (jumped || wrong) || report.rescued || of_another_body
     }

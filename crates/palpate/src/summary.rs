@@ -212,11 +212,13 @@ pub struct RunSummary {
     pub factors_early: u64,
     /// Steps in contact whose compliance was that of their own matrix.
     pub exact_steps: u64,
-    /// Steps in contact by rung of the ladder of methods, cheapest first; empty without an accuracy.
+    /// Steps in contact by rung of the ladder of methods, from the lowest; empty without an accuracy.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rungs: Vec<(&'static str, u64)>,
     /// Steps that began on a higher rung than the one before.
     pub climbs: u64,
+    /// Steps in contact whose forces missed the accuracy by what was known.
+    pub accuracy_missed: u64,
     /// Contacts per step.
     pub contacts: Percentiles,
     /// Contacts that did not fit the stated capacity, over the run.

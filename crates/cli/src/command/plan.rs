@@ -52,7 +52,7 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
             ("assembly", t.assembly),
             ("free motion", t.free_motion),
             ("detection", t.detection),
-            ("step without contact", t.total),
+            ("whole step, the tool where it begins", t.total),
         ] {
             row(name, None, Some(time));
         }
@@ -63,6 +63,9 @@ pub(crate) fn plan(scene: &str, measure: bool) -> Result<u8> {
         row(&name, Some(plan.rung_time(*rung, 3 * CONTACTS)), None);
     }
     say(table)?;
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let factor = if plan.has_factor_thread() { ", one of them also for the factor" } else { "" };
+    say(format_args!("cores granted: {cores} to the step (--threads of `run` grants fewer){factor}"))?;
     if let Some(hint) = other_choice(&world, &here) {
         say(hint)?;
     }

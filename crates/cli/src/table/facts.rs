@@ -93,6 +93,9 @@ fn contact(s: &RunSummary, facts: &mut Facts) {
     if s.climbs > 0 {
         facts.row("climbs to a costlier method", s.climbs.to_string());
     }
+    if s.accuracy_missed > 0 {
+        facts.row("steps in contact that missed the accuracy", s.accuracy_missed.to_string());
+    }
     if s.exact_steps > 0 {
         facts.row("steps in contact with exact compliance", s.exact_steps.to_string());
     }

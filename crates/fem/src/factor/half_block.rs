@@ -1,4 +1,7 @@
 //! Half solves of some of the rows: `Y = L⁻¹ P Hᵀ` on the union of their paths, with dense kernels.
+//!
+//! The supernodes of a block come one after the other: with prepared nodes `W` is 0.04 to 0.11 ms of a step, too little to wake
+//! other threads for; what is parallel are blocks.
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;

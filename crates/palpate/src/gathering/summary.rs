@@ -11,6 +11,7 @@ impl Gathering {
     /// The summary; `wall` is the time the run took in real time (s).
     pub(crate) fn summary(mut self, world: &World, wall: Option<f64>, trace: Option<TraceOutcome>) -> RunSummary {
         self.notes.extend(self.tangle_note());
+        self.notes.extend(self.climbing.note(world.plan().ladder));
         self.notes.extend(self.unsolved.note(world.description()));
         self.notes.extend(self.room.notes(world.description()));
         let counts = self.counts();
@@ -52,8 +53,9 @@ impl Gathering {
             overlap: self.overlap,
             factors_early: self.early,
             exact_steps: self.exact_steps,
-            rungs: self.rungs.into_iter().map(|(rung, steps)| (rung.name(), steps)).collect(),
-            climbs: self.climbs,
+            rungs: self.climbing.rungs.into_iter().map(|(rung, steps)| (rung.name(), steps)).collect(),
+            climbs: self.climbing.climbs,
+            accuracy_missed: self.climbing.missed,
             contacts_dropped: self.room.dropped(),
             worst_residual: self.worst_residual,
             worst_tick_residual: self.worst_tick_residual,

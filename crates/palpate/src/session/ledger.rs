@@ -45,6 +45,15 @@ pub struct Statistics {
     pub largest_jump: f64,
     /// Age of the factor at the latest step (s).
     pub factor_age: f64,
+    /// Relative error of the compliance that the latest step measured; NaN where it measured none.
+    pub compliance_error: f64,
+    /// Relative error of the contact forces of the latest step, as far as it is known
+    /// ([`ComplianceError::of_forces`](crate::step::ComplianceError::of_forces)); NaN where it is not.
+    pub force_error: f64,
+    /// Deepest overlap that the correction of the latest step left (m).
+    pub overlap: f64,
+    /// Conjugate-gradient iterations of the latest step: of free motion and correction.
+    pub iterations: u32,
 }
 
 /// The statistics with what they are made of; written by the watching thread, read by any.
@@ -99,6 +108,10 @@ impl Observer for Ledger {
         s.contacts_dropped += report.dropped();
         s.contacts = report.active as u32;
         s.factor_age = report.factor_age;
+        s.compliance_error = report.error.measured().unwrap_or(f64::NAN);
+        s.force_error = report.error.of_forces().unwrap_or(f64::NAN);
+        s.overlap = report.error.overlap;
+        s.iterations = report.free_motion.iterations as u32 + report.error.correction_iterations;
     }
 
     fn tick(&mut self, report: &TickReport) {
@@ -155,5 +168,32 @@ mod tests {
         ledger.step(&report);
         assert_eq!((report.detection.dropped, report.dropped()), (0, 21));
         assert_eq!(ledger.statistics().contacts_dropped, 2 * 21);
+    }
+
+    /// What the latest step knows of itself, as its report says it; of a step that measures nothing there is no error.
+    #[test]
+    fn the_latest_step_tells_its_error_its_overlap_and_its_iterations() {
+        let mut scene = Scene::bundled("block").unwrap();
+        let old = palpate_constraints::compliance::ComplianceMethod::Asynchronous;
+        scene.edit(|scene| scene.bodies[0].compliance = old).unwrap();
+        let world = scene.build().unwrap();
+        let mut ledger = Ledger::new(&world);
+        let mut simulation = Simulation::new(&world).unwrap().refresh_every(0);
+        let free = simulation.step(&nalgebra::Isometry3::translation(-0.008, 0.0, 0.08));
+        ledger.step(&free);
+        let told = ledger.statistics();
+        assert!(told.compliance_error.is_nan() && told.force_error.is_nan() && told.overlap == 0.0, "{told:?}");
+        let press = |k: u32| nalgebra::Isometry3::translation(-0.008, 0.0, 0.042 - 0.0005 * f64::from(k));
+        let report = (0..12).map(|k| simulation.step(&press(k))).last().unwrap();
+        ledger.step(&report);
+        let told = ledger.statistics();
+        assert!(report.active > 0 && report.error.correction_iterations > 0);
+        assert_eq!(Some(told.compliance_error), report.error.measured());
+        assert_eq!(Some(told.force_error), report.error.of_forces());
+        assert_eq!(told.overlap, report.error.overlap);
+        assert_eq!(
+            u64::from(told.iterations),
+            report.free_motion.iterations as u64 + u64::from(report.error.correction_iterations)
+        );
     }
 }

@@ -60,10 +60,10 @@ pub(super) fn correct_exactly(
         }
         let mut solve = look(world, factor, FIRST_LOOK, ws, report);
         let second = SHARE_OF_SQUARE * report.error.along_forces.powi(2);
-        if asks_for_refinement(report) && second < FIRST_LOOK {
+        if asks_for_refinement(world, report) && second < FIRST_LOOK {
             solve = look(world, factor, second, ws, report);
         }
-        if solve.status == PcgStatus::Converged && asks_for_refinement(report) {
+        if solve.status == PcgStatus::Converged && asks_for_refinement(world, report) {
             refine(world, factor, state, ws, report);
         }
         if solve.status == PcgStatus::Converged && !report.error.refined {
@@ -123,6 +123,7 @@ fn look(
     let misfit = misfit(ws);
     if misfit.opened > 0.0 {
         report.error.along_forces = misfit.along_forces();
+        report.error.misfit = misfit.missed / misfit.opened;
     }
     solve
 }

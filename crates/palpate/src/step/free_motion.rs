@@ -16,7 +16,7 @@ use palpate_fem::integrator::explicit::explicit_velocity;
 use palpate_fem::pcg::{PcgConfig, PcgReport, PcgStatus, pcg};
 use palpate_fem::rotation::nodal_rotations;
 
-use super::first_inverse::turn;
+use super::first_inverse;
 use super::preconditioner::StepPreconditioner;
 use super::{FactorFit, StepReport, StepState, StepWorkspace};
 use crate::refresh::FactorSample;
@@ -82,7 +82,7 @@ pub(super) fn free_motion(
     if !ws.own_is_current && !plan.constant {
         nodal_rotations(world.model(), &factor.q, &state.fem.q, &mut ws.rotations);
     }
-    turn(world, state, ws, report);
+    first_inverse::choose(ws, report);
     // A factor of this very matrix needs one iteration from wherever it begins.
     if ws.own_is_current || plan.constant {
         ws.v_free.fill(0.0);

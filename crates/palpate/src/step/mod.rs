@@ -115,7 +115,7 @@ pub fn step(
     let mut report = StepReport::begin(state.step, input, world.dt());
     report.change = ws.change.report;
     ws.change.report.changed = false;
-    report.rung = climb::begin(world, state, ws);
+    report.rung = climb::begin(world, state);
     let mut clock = Clock::start();
     let before = state.tool;
     ws.pcg.forget();

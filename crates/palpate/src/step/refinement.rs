@@ -18,10 +18,10 @@ use super::forces::take_forces;
 use super::stages::inverse;
 use super::{StepReport, StepState, StepWorkspace};
 use crate::refresh::FactorSample;
-use crate::world::World;
+use crate::world::{LOWER_SHARE, World};
 
 /// Relative error of `W` along the forces above which they are refined.
-const REFINE_ABOVE: f64 = 5e-3;
+pub(super) const REFINE_ABOVE: f64 = 5e-3;
 
 /// What refinement keeps and compares, one number per row or degree of freedom.
 #[derive(Clone, Debug)]
@@ -38,10 +38,16 @@ impl RefinementWorkspace {
     }
 }
 
-/// Whether `W` misses the motion of the forces by more than a little, and not by all of it.
-pub(super) fn asks_for_refinement(report: &StepReport) -> bool {
+/// Relative error of forces by a compliance that is wrong by `error`, where the correction is exact: refined, its square.
+pub(super) fn expected(error: f64) -> f64 {
+    error * error
+}
+
+/// Whether `W` misses the motion of the forces by more than a little, or than the scene's accuracy bears, and not by all of it.
+pub(super) fn asks_for_refinement(world: &World, report: &StepReport) -> bool {
+    let accuracy = world.plan().ladder.map_or(f64::INFINITY, |ladder| ladder.accuracy);
     // NaN is not above
-    let worth = report.error.along_forces > REFINE_ABOVE && report.error.along_forces < 1.0;
+    let worth = report.error.along_forces > REFINE_ABOVE.min(LOWER_SHARE * accuracy) && report.error.along_forces < 1.0;
     worth && report.solve.status != SolveStatus::NotFinite
 }
 
@@ -83,6 +89,7 @@ pub(super) fn refine(
         report.error.refined = true;
         report.solve = SolveReport { iterations: report.solve.iterations + solve.iterations, ..solve };
         report.error.along_forces = after.along_forces();
+        report.error.misfit = after.missed / after.opened;
         take_forces(world, state, ws, report);
     } else {
         ws.lambda[..m].copy_from_slice(&ws.refinement.lambda[..m]);

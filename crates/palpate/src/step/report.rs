@@ -198,7 +198,7 @@ impl StepReport {
     }
 
     /// Names and units of [`StepReport::row`].
-    pub const COLUMNS: [&'static str; 42] = [
+    pub const COLUMNS: [&'static str; 43] = [
         "step",
         "time_s",
         "tool_x_m",
@@ -230,7 +230,8 @@ impl StepReport {
         "compliance_error_along_forces",
         "compliance_error_sampled",
         "sample_unconverged",
-        "compliance_error_of_lower_rung",
+        "force_error",
+        "force_error_of_lower_rung",
         "rung",
         "correction_iterations",
         "correction_residual",
@@ -244,7 +245,7 @@ impl StepReport {
     ];
 
     /// The report as one row of a table.
-    pub fn row(&self) -> [f64; 42] {
+    pub fn row(&self) -> [f64; 43] {
         let p = self.tool.frame.translation.vector;
         let r = self.tool.frame.rotation;
         [
@@ -279,6 +280,7 @@ impl StepReport {
             self.error.along_forces,
             self.error.sampled,
             f64::from(u8::from(self.error.sample_unconverged)),
+            self.error.of_forces().unwrap_or(f64::NAN),
             self.error.lower,
             self.rung.map_or(f64::NAN, |rung| f64::from(rung as u8)),
             f64::from(self.error.correction_iterations),

@@ -113,6 +113,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     let integration = Integration::new(scene, &model, &symbolic, 1.0 / description.rates.step)?;
     let skin = skin_nodes(&model, &surface).len();
     let plan = Plan::new(description, &integration, &symbolic, model.pattern(), skin);
+    warnings.extend(plan.ladder.and_then(|ladder| ladder.warning(plan.factorization, 1.0 / description.rates.step)));
     let contact = &description.contact;
     let detection = DetectionConfig {
         kind: contact.at,

@@ -90,13 +90,12 @@ impl Plan {
             _ => choose(body, dt, factorization, constant),
         };
         let climbs = body.accuracy.filter(|_| linearised && compliance != ComplianceMethod::Exact);
-        // A thread with the named method `async` has no use for the first matrix.
-        let warps = compliance == ComplianceMethod::Warped
-            || climbs.is_some() && body.compliance == ComplianceMethod::Automatic;
+        let warps = compliance == ComplianceMethod::Warped;
         let precomputed = warps.then(|| Precomputed::new(skin, body.surface_memory));
+        let fits = factorization <= dt;
         let ladder = climbs.map(|accuracy| match refactor {
-            Refactor::Thread => Ladder::with_thread(accuracy, precomputed.is_some_and(|p| p.fits())),
-            _ => Ladder::without_thread(accuracy),
+            Refactor::Thread => Ladder::with_thread(accuracy, fits),
+            _ => Ladder::without_thread(accuracy, fits),
         });
         if let Some(precomputed) = &precomputed {
             reason = format!("{reason}; {}", precomputed.text());
@@ -109,8 +108,8 @@ impl Plan {
             MotionCorrection::Matching if ladder.is_some() => Sampling::always(iteration),
             _ => Sampling::within(body.error_sampling * dt, iteration),
         };
-        // An inverse that serves the whole run is worth every digit, and what fits in a step gains no step by being faster.
-        let late = refactor == Refactor::Thread && precomputed.is_none() && factorization > dt;
+        // What fits in a step gains no step by being faster.
+        let late = refactor == Refactor::Thread && !fits;
         let precision = if late { FactorPrecision::Single } else { FactorPrecision::Double };
         Self {
             compliance,
@@ -178,7 +177,10 @@ impl Plan {
     pub(crate) fn has_own_factor(&self, dt: f64, changes: bool) -> bool {
         let planned = self.refactor == Refactor::Step || self.compliance == ComplianceMethod::Exact && !self.constant;
         let follows = changes && self.has_factor_thread();
-        planned || self.ladder.is_some() || follows || !self.constant && self.factorization <= dt
+        planned
+            || self.ladder.is_some_and(|ladder| ladder.ends_exact())
+            || follows
+            || !self.constant && self.factorization <= dt
     }
 }
 

@@ -124,7 +124,7 @@ impl World {
         let _ = writeln!(text, "integrator: {}", self.integration);
         let _ = writeln!(
             text,
-            "rates: step {} Hz, factor {} Hz, tick {} Hz; compliance {}",
+            "rates: step {} Hz, factor {} Hz, tick {} Hz; compliance {}{}",
             Readable(d.rates.step),
             Readable(d.rates.factor),
             Readable(d.rates.tick),
@@ -132,7 +132,8 @@ impl World {
                 Integration::BackwardEuler => self.plan.compliance.name(),
                 Integration::Newton(_) => "of the step's own matrix",
                 Integration::Explicit { .. } => "of the lumped mass, in every substep",
-            }
+            },
+            if self.plan.ladder.is_some() { " and more exact where the accuracy asks for it" } else { "" }
         );
         let _ = writeln!(text, "plan: {}", self.plan);
         let _ = write!(

@@ -116,7 +116,7 @@ record! {
         34 => phase: u32, "";
         /// Rung of the run's ladder of methods: 0 warped, 1 asynchronous, 2 with early refreshes, 3 exact; -1 without one.
         35 => rung: i32, "";
-        /// The greater of the two relative errors that the rung below would have had; NaN where it was not measured.
+        /// The relative error of the contact forces that the rung below would have had; NaN where it was not measured.
         36 => lower_error: f64, "";
         /// Angle between the tool's jaws that the step used (rad); 0 for a tool without.
         37 => tool_opening: f64, "rad";

@@ -81,13 +81,13 @@ pub struct BodyDescription {
     /// When the system matrix is factored; what suits `compliance` by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refactor: Option<Refactor>,
-    /// Relative error of the contact forces to keep to by the cheapest method that does
-    /// (see [`Ladder`](crate::world::Ladder)): from `compliance` up, or with `automatic` from the precomputed inverse of the
-    /// first matrix up.
+    /// Relative error of the contact forces to keep to, by exact steps only where less does not
+    /// (see [`Ladder`](crate::world::Ladder)): from `compliance` up, or with `automatic` from `async` up. Judged by what the
+    /// step measures of them; with `matching` correction by the error of the compliance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<f64>,
-    /// Most memory (MB) for the inverse of the first matrix between the nodes of the skin, with `warped` compliance and with
-    /// `accuracy`: 18 bytes per pair of nodes, 256 MB for 3,770 nodes. What takes more is left to half solves; 0 for none.
+    /// Most memory (MB) for the inverse of the first matrix between the nodes of the skin, with `warped` compliance:
+    /// 18 bytes per pair of nodes, 256 MB for 3,770 nodes. What takes more is left to half solves; 0 for none.
     #[serde(default = "surface_memory")]
     pub surface_memory: f64,
     /// Share of a step that may be spent on comparing a column of the compliance with the exact one, by the time that the plan
