@@ -102,6 +102,7 @@ fn a_coupling_beyond_the_bound_is_warned_of_with_the_number_and_its_grounds() {
     for (stiffness, warned) in [(0.99 * bound, false), (1.01 * bound, true)] {
         let world = stiff(stiffness);
         let choice = world.coupling().unwrap();
+        assert!(!choice.rigid_torque, "no motors for torque");
         assert!((choice.bound.stiffness - bound).abs() < 1e-9 && choice.bound.grounds == BoundGrounds::Device);
         assert_eq!((choice.of_scene, choice.exceeds()), (true, warned));
         let text = world.warnings().join("\n");
@@ -234,4 +235,27 @@ fn a_session_that_stops_during_ticks_on_a_patch_brings_the_force_down_by_the_sle
         assert_eq!((last.phase, last.wrench.force.norm()), (Phase::Stopped, 0.0));
         assert!(last.record.flags.contains(TickFlags::INVALID_SNAPSHOT), "the stage says that it rests");
     });
+}
+
+#[test]
+fn a_device_with_motors_for_torque_and_a_rigid_orientation_is_warned_of() {
+    let spring = Spring { stiffness: 1.0, damping: 0.01 };
+    let on = |preset: &str, rotation: Option<Spring>, max_torque: Option<f64>| {
+        let world = world(|scene| {
+            scene.device.preset = Some(preset.into());
+            scene.limits.max_torque = max_torque;
+            scene.coupling = rotation.map(|spring| CouplingConfig {
+                translation: Spring { stiffness: 500.0, damping: 2.0 },
+                rotation: Some(spring),
+            });
+        });
+        let warned = world.warnings().iter().any(|w| w.contains("motors for torque") && w.contains("`rotation`"));
+        (warned, world.coupling().unwrap().to_string())
+    };
+    let (warned, told) = on("sigma.7", None, None);
+    assert!(warned && told.ends_with("rotation rigid, with motors for torque"), "{told}");
+    let (warned, told) = on("sigma.7", Some(spring), None);
+    assert!(!warned && told.ends_with("rotation 1 N m/rad and 0.01 N m s/rad"), "{told}");
+    assert!(!on("sigma.7", None, Some(0.0)).0, "no torque is sent");
+    assert!(!on("omega.7", None, None).0, "no motors for torque");
 }

@@ -26,7 +26,7 @@ const TICKS: u64 = 20_000;
 fn main() {
     let (seconds, ticks) = if organ::measuring() { (seconds().unwrap_or(10.0), TICKS) } else { (0.5, 500) };
     real_time::measure(seconds);
-    jumps::measure(seconds.min(5.0));
+    jumps::measure(seconds);
     alive::measure(seconds);
     alone::measure(&[10, 20, 45], ticks);
     println!("\n{}", table::machine());

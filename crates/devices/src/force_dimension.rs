@@ -51,6 +51,9 @@ const ERROR_NO_DEVICE: c_int = 5;
 const ERROR_TIMEOUT: c_int = 7;
 const ERROR_NOT_READY: c_int = 12;
 
+/// Whose limits a device has whose type is not known.
+const WEAKEST: &str = "touch";
+
 /// Opening of the gripper that counts as open (m), where the scene does not state its range, and the largest force between its
 /// fingers (N): what the data sheets of omega.7 and sigma.7 state for grasping, 25 mm and 8 N.
 const GRIPPER_RANGE: f64 = 25e-3;
@@ -109,6 +112,7 @@ struct ForceDimension {
     _library: VendorLibrary,
     id: c_char,
     spec: DeviceSpec,
+    note: Option<String>,
     /// Opening that counts as open (m).
     gripper_range: f64,
     /// Force between the fingers for the next command (N); positive opens, as the gap grows.
@@ -126,10 +130,11 @@ fn open(config: &DriverConfig) -> Opened {
     }
     // A number of a device fits in the vendor's own type for it.
     let id = id as c_char;
-    let spec = spec(&functions, id);
+    let (spec, note) = spec(&functions, id);
     let range = config.gripper_range.filter(|range| range.is_finite() && *range > 0.0).unwrap_or(GRIPPER_RANGE);
+    let (gripper_range, gripper_force) = (range, 0.0);
     let device =
-        ForceDimension { functions, _library: library, id, spec, gripper_range: range, gripper_force: 0.0, open: true };
+        ForceDimension { functions, _library: library, id, spec, note, gripper_range, gripper_force, open: true };
     // SAFETY: the device is open.
     if unsafe { (functions.enable_force)(1, id) } < 0 {
         let reason = format!("forces cannot be enabled: {}", functions.reason().1);
@@ -149,9 +154,24 @@ fn probe(config: &DriverConfig) -> Result<String, DriverError> {
     }
 }
 
-/// The record of the open device: CHAI3D's figures for its type. A type that is not known gets those of the weakest
-/// device of the table, which a scene's own `record` replaces.
-fn spec(functions: &Functions, id: c_char) -> DeviceSpec {
+/// The row of CHAI3D's table for a type of `dhdc.h`; left-handed devices have numbers of their own. None of them sends
+/// torques by the delta's row, for that is the one of three freedoms.
+fn preset(kind: c_int) -> Option<&'static str> {
+    Some(match kind {
+        33 => "omega.3",
+        34 | 36 => "omega.6",
+        35 | 37 => "omega.7",
+        63 | 64 => "delta.3",
+        104..=107 => "sigma.7",
+        108 | 109 => "lambda.7",
+        60 => "falcon",
+        _ => return None,
+    })
+}
+
+/// The record of the open device: CHAI3D's figures for its type, and what there is to say of it. A type that is not known
+/// gets the figures of the weakest device of the table, which a scene's own `record` replaces.
+fn spec(functions: &Functions, id: c_char) -> (DeviceSpec, Option<String>) {
     // SAFETY: the device is open, and the text is read at once.
     let (kind, name, senses, drives, gripper) = unsafe {
         (
@@ -162,29 +182,32 @@ fn spec(functions: &Functions, id: c_char) -> DeviceSpec {
             (functions.has_gripper)(id),
         )
     };
-    let preset = match kind {
-        33 => "omega.3",
-        34 | 36 => "omega.6",
-        35 | 37 => "omega.7",
-        63 => "delta.3",
-        104..=107 => "sigma.7",
-        60 => "falcon",
-        _ => "touch",
-    };
-    // Every name above is in the table.
-    let known = DeviceSpec::preset(preset).unwrap_or_else(|_| DeviceSpec::virtual_device(0.0));
+    let preset = preset(kind);
+    // Every name is in the table.
+    let known = DeviceSpec::preset(preset.unwrap_or(WEAKEST)).unwrap_or_else(|_| DeviceSpec::virtual_device(0.0));
+    let note = preset.is_none().then(|| {
+        format!(
+            "{VENDOR}'s device `{name}` is of type {kind}, which is not known: it has the limits of `{WEAKEST}` \
+             ({} N, {} N/m), unless the scene gives it a `device.record` or a `device.preset`",
+            known.max_force, known.max_stiffness
+        )
+    });
     let freedoms = Freedoms {
         senses_rotation: senses,
         drives_torque: drives && known.max_torque > 0.0,
         gripper,
         ..known.freedoms
     };
-    DeviceSpec { name, freedoms, ..known }
+    (DeviceSpec { name, freedoms, ..known }, note)
 }
 
 impl HapticDevice for ForceDimension {
     fn spec(&self) -> &DeviceSpec {
         &self.spec
+    }
+
+    fn note(&self) -> Option<&str> {
+        self.note.as_deref()
     }
 
     fn read(&mut self, tick: TickTime) -> Result<DeviceSample, DeviceError> {

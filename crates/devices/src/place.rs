@@ -141,6 +141,10 @@ impl HapticDevice for Placed {
         self.device.spec()
     }
 
+    fn note(&self) -> Option<&str> {
+        self.device.note()
+    }
+
     fn read(&mut self, tick: TickTime) -> Result<DeviceSample, DeviceError> {
         self.device.read(tick).map(|sample| self.place.sample(&sample))
     }

@@ -7,7 +7,7 @@ mod stand_in;
 
 use nalgebra::Vector3;
 use palpate_devices::{DriverConfig, DriverError, driver};
-use palpate_haptics::device::{DeviceError, HapticDevice};
+use palpate_haptics::device::{DeviceError, DeviceSpec, HapticDevice};
 use palpate_haptics::wrench::Wrench;
 use stand_in::{StandIn, other_library, tick};
 
@@ -70,6 +70,41 @@ fn pose_velocity_switches_and_torque_are_those_of_the_library() {
     wide.write_gripper(0.05);
     wide.write(Wrench::zero()).unwrap();
     assert_eq!(library.get("stand_in_gripper"), 1000);
+}
+
+#[test]
+fn each_type_of_the_library_has_its_row_of_the_table_and_one_that_is_not_known_says_so() {
+    let Some(library) = StandIn::build("dhd", &[]) else { return };
+    let rows = [
+        (33, "omega.3"),
+        (34, "omega.6"),
+        (36, "omega.6"),
+        (35, "omega.7"),
+        (37, "omega.7"),
+        (60, "falcon"),
+        (63, "delta.3"),
+        (64, "delta.3"),
+        (104, "sigma.7"),
+        (105, "sigma.7"),
+        (108, "lambda.7"),
+        (109, "lambda.7"),
+    ];
+    for (kind, row) in rows {
+        library.set("stand_in_type", kind);
+        let device = open(&library.config()).unwrap();
+        let (spec, known) = (device.spec(), DeviceSpec::preset(row).unwrap());
+        let limits = |spec: &DeviceSpec| (spec.max_force, spec.max_torque, spec.max_stiffness, spec.workspace_radius);
+        assert_eq!((limits(spec), device.note()), (limits(&known), None), "{kind}");
+        assert_eq!(spec.freedoms.gripper, [104, 108, 109].contains(&kind), "{kind}: as the library says");
+    }
+    library.set("stand_in_type", 110);
+    let device = open(&library.config()).unwrap();
+    assert_eq!((device.spec().max_force, device.spec().max_stiffness), (3.3, 400.0), "the weakest of the table");
+    let note = device.note().unwrap();
+    assert!(
+        ["`stand-in omega`", "type 110", "3.3 N", "device.record"].iter().all(|word| note.contains(word)),
+        "{note}"
+    );
 }
 
 #[test]

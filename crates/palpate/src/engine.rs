@@ -47,10 +47,15 @@ impl<'w> Engine<'w> {
     pub(crate) fn new(world: &'w World, options: &RunOptions) -> Result<Self, RunError> {
         let mut device = crate::devices::device(world.scene())?;
         let spec = device.spec().clone();
+        let scene = &world.description().device;
+        // A record that the scene states is what counts.
+        let note = device.note().filter(|_| scene.record.is_none() && scene.preset.is_none()).map(String::from);
         let first = crate::devices::first_pose(world, device.as_mut());
-        Self::with_tick(world, options, &spec, first, NoTrace::GoesOn, |ends| {
+        let mut engine = Self::with_tick(world, options, &spec, first, NoTrace::GoesOn, |ends| {
             Ticker::new(world, device, ends.snapshots, ends.poses, ends.line)
-        })
+        })?;
+        engine.notes.extend(note);
+        Ok(engine)
     }
 }
 

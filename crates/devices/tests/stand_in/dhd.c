@@ -2,7 +2,7 @@
  *
  * The device is a mass on a spring to a hand; each command of a force moves it by a millisecond. Functions that begin with
  * stand_in_ are the test's, to move the hand and to pull the plug; where the library is loaded by another program, the
- * environment says where the hand goes (STAND_IN_HAND, "x y z" in m) and after how many poses the plug is pulled
+ * environment says where the hand goes (STAND_IN_HAND, "x y z" in m), of which type it is (STAND_IN_TYPE), and after how many poses the plug is pulled
  * (STAND_IN_UNPLUG).
  */
 #include <math.h>
@@ -57,6 +57,8 @@ int dhdOpen(void)
     open_count++;
     const char *text = getenv("STAND_IN_HAND");
     if (text != NULL) sscanf(text, "%lf %lf %lf", &hand[0], &hand[1], &hand[2]);
+    text = getenv("STAND_IN_TYPE");
+    if (text != NULL) system_type = atoi(text);
     text = getenv("STAND_IN_UNPLUG");
     if (text != NULL) unplug_after = atoi(text);
     return 0;
@@ -81,7 +83,7 @@ int dhdGetSystemType(char id) { (void)id; return system_type; }
 const char *dhdGetSystemName(char id) { (void)id; return "stand-in omega"; }
 bool dhdHasWrist(char id) { (void)id; return true; }
 bool dhdHasActiveWrist(char id) { (void)id; return system_type == 104; }
-bool dhdHasGripper(char id) { (void)id; return system_type == 104; }
+bool dhdHasGripper(char id) { (void)id; return system_type == 104 || system_type == 108 || system_type == 109; }
 
 int dhdGetGripperGap(double *gap, char id)
 {

@@ -91,6 +91,11 @@ pub trait HapticDevice: Send {
     /// What the device can do.
     fn spec(&self) -> &DeviceSpec;
 
+    /// What a user should know of how it was opened, where its record is not certain.
+    fn note(&self) -> Option<&str> {
+        None
+    }
+
     /// Measures pose and switches.
     ///
     /// # Errors

@@ -120,7 +120,7 @@ pub struct Session {
 type SetUp = Result<(TickStage, Sender<TickReport>, Option<ChangeQueue>, Reader<Shape>), RunError>;
 
 impl Session {
-    /// Settles the body, factors its first matrix, opens the trace. Of `options`, `threads` and `trace` are used.
+    /// Settles the body, factors its first matrix, opens the trace. Of `options`, `threads`, `trace` and `problems` are used.
     ///
     /// # Errors
     /// As [`run`](crate::run::run), but for the device: the scene's kind of device is not looked at. A trace that cannot be

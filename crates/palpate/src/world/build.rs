@@ -95,7 +95,7 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     if !fixed.contains(&true) && description.fixed_bodies.is_empty() {
         warnings.push("no node is fixed: nothing holds the body; hold it with `fixed = [...]`".into());
     }
-    warnings.extend(CouplingChoice::new(description).and_then(|coupling| coupling.warning()));
+    warnings.extend(CouplingChoice::new(description).iter().flat_map(CouplingChoice::warnings));
     warnings.extend(late_hand_over(description));
     let model = FemModel::new(&mesh, &config).map_err(|e| match e {
         FemError::NoBulk { .. } => scene.at("body.0.element", e.to_string(), "change the element or the law"),

@@ -16,6 +16,8 @@ pub struct CouplingChoice {
     pub of_scene: bool,
     /// The largest stiffness that theory grants with this damping.
     pub bound: StiffnessBound,
+    /// Whether torques are sent while the orientation is coupled rigidly: no spring bounds their stiffness then.
+    pub rigid_torque: bool,
 }
 
 impl CouplingChoice {
@@ -24,7 +26,9 @@ impl CouplingChoice {
         let spec = devices::spec(&scene.device, None).ok()?;
         let config = devices::coupling(scene, &spec);
         let bound = stiffness_bound(&spec, config.translation.damping, scene.rates.tick);
-        Some(Self { config, of_scene: scene.coupling.is_some(), bound })
+        let torque = scene.limits.max_torque.map_or(spec.max_torque, |torque| torque.min(spec.max_torque));
+        let rigid_torque = torque > 0.0 && config.rotation.is_none();
+        Some(Self { config, of_scene: scene.coupling.is_some(), bound, rigid_torque })
     }
 
     /// Whether the stiffness is above the bound.
@@ -32,8 +36,19 @@ impl CouplingChoice {
         self.config.translation.stiffness > self.bound.stiffness
     }
 
-    /// What to say of a coupling that the bound does not grant.
-    pub(crate) fn warning(&self) -> Option<String> {
+    /// What to say of a coupling that theory does not grant.
+    pub(crate) fn warnings(&self) -> impl Iterator<Item = String> {
+        let rigid = self.rigid_torque.then(|| {
+            "the device has motors for torque, and the orientation is coupled to the tool rigidly: the tuning of a spring \
+             needs the device's rotational inertia and damping, which its record does not hold, so that nothing but \
+             limits.max_torque and limits.torque_slew keeps its torque calm; give [coupling] a `rotation` with the \
+             stiffness (N m/rad) and damping (N m s/rad) that the device bears, or set limits.max_torque = 0"
+                .into()
+        });
+        self.warning().into_iter().chain(rigid)
+    }
+
+    fn warning(&self) -> Option<String> {
         let spring = self.config.translation;
         self.exceeds().then(|| {
             format!(
@@ -60,7 +75,12 @@ impl std::fmt::Display for CouplingChoice {
             if self.of_scene { "by the scene" } else { "tuned from the device" },
             self.bound.stiffness,
             grounds(self.bound.grounds),
-        )
+        )?;
+        match self.config.rotation {
+            Some(spring) => write!(f, "; rotation {} N m/rad and {} N m s/rad", spring.stiffness, spring.damping),
+            None if self.rigid_torque => write!(f, "; rotation rigid, with motors for torque"),
+            None => Ok(()),
+        }
     }
 }
 
