@@ -94,6 +94,10 @@ pub struct Statistics {
     pub energy_by_torque: f64,
     /// Lowest energy of a contact (J): what it gave out beyond what it had taken in.
     pub lowest_energy: f64,
+    /// Ticks with more contacts than there was room for: the force was that of the deepest.
+    pub truncated: u64,
+    /// Ticks whose contact problem ended above its tolerance.
+    pub not_converged: u64,
 }
 
 // SAFETY: repr(C), plain numbers; LEAST is the offset of a field.
@@ -141,6 +145,8 @@ impl Statistics {
             energy: s.port.energy[0],
             energy_by_torque: s.port.energy[1],
             lowest_energy: s.port.least_account,
+            truncated: s.port.contact.truncated,
+            not_converged: s.port.contact.not_converged,
         }
     }
 }
