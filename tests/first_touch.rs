@@ -5,7 +5,6 @@
 
 #![allow(clippy::print_stdout)] // measured numbers
 
-#[allow(dead_code)]
 mod block;
 
 use nalgebra::{Isometry3, Vector3};

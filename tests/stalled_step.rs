@@ -6,7 +6,6 @@
 #![cfg(unix)] // pipes with a name
 #![allow(clippy::print_stdout)] // measured numbers
 
-#[allow(dead_code)]
 mod block;
 
 use std::path::{Path, PathBuf};
