@@ -5,7 +5,8 @@
 mod block;
 
 use palpate::run::{Length, RunOptions};
-use palpate::scene::{FixedBodyDescription, SolidShape};
+use palpate::scene::{FixedBodyDescription, SolidShape, TickMethod};
+use palpate::tick::TickFlags;
 use palpate::trace::{StepFlags, Trace};
 
 use block::{record, world};
@@ -41,4 +42,34 @@ fn contacts_of_other_bodies_without_room_are_in_the_summary_and_flagged_in_the_t
     let trace = Trace::load(&trace).unwrap();
     assert_eq!(trace.steps.len(), recorder.steps.len());
     assert!(trace.steps.iter().all(|step| step.flags.contains(StepFlags::CONTACTS_DROPPED)));
+}
+
+#[test]
+fn ticks_without_room_for_their_contacts_or_without_convergence_are_counted_and_the_former_noted() {
+    let run = |method: TickMethod, most: usize, sweeps: u32| {
+        let world = world(|scene| {
+            (scene.tick.method, scene.contact.max_contacts) = (method, most);
+            scene.solver.tick_sweeps = sweeps;
+            // One sweep does not reach it in all ticks of a slide.
+            scene.solver.tick_tolerance = 1e-9;
+        });
+        let options =
+            RunOptions { length: Length::Seconds(1.2), lockstep: true, threads: Some(1), ..RunOptions::default() };
+        let (outcome, recorder) = record(&world, &options);
+        let told = |flag| recorder.ticks.iter().filter(|tick| tick.record.flags.contains(flag)).count() as u64;
+        let (truncated, unconverged) = (told(TickFlags::TRUNCATED), told(TickFlags::NOT_CONVERGED));
+        let counts = outcome.summary.port.contact;
+        println!(
+            "{method:?}, room for {most}, {sweeps} sweeps: {truncated} ticks truncated, {unconverged} not converged"
+        );
+        assert_eq!((counts.truncated, counts.not_converged), (truncated, unconverged));
+        let said = format!("{truncated} ticks had more contacts than room, the first at");
+        let note = outcome.summary.notes.iter().find(|note| note.contains(&said));
+        assert_eq!(note.is_some(), truncated > 0, "{:?}", outcome.summary.notes);
+        assert!(note.is_none_or(|note| note.contains(&format!("`max_contacts` above {most}"))), "{note:?}");
+        (truncated, unconverged)
+    };
+    assert!(run(TickMethod::Local, 2, 1000).0 > 50);
+    let (truncated, unconverged) = run(TickMethod::Local, 64, 1);
+    assert!(truncated == 0 && unconverged > 0);
 }

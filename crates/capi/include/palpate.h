@@ -22,8 +22,10 @@
  *
  * SAFETY
  *   In this order: a pose, a number of the tissue's answer or a call that is not sound ends the force at once, and it
- *   comes back as a ramp; an old model of the tissue fades the force; force and torque are cut to their limits; their
- *   change is cut to the slew rate. Whatever comes in, every output is finite, but for palpate_output.gap and .step_age,
+ *   comes back as a ramp; a pose that has jumped takes the force off until the tool is out of contact or back where it
+ *   was; an old model of the tissue fades the force; a contact that has given out more energy than it took in is damped
+ *   along the motion; force and torque are cut to their limits; the power that they give to the hand is cut to its limit;
+ *   their change is cut to the slew rate. Whatever comes in, every output is finite, but for palpate_output.gap and .step_age,
  *   which may be +infinity. Limits act on what the library sends: a driver that does not call must rely on the watchdog
  *   of its own device.
  *
@@ -512,6 +514,14 @@ typedef struct palpate_statistics_data {
      Always 0.
      */
     uint32_t reserved_too;
+    /*
+     Ticks with more contacts than there was room for: the force was that of the deepest.
+     */
+    uint64_t truncated;
+    /*
+     Ticks whose contact problem ended above its tolerance.
+     */
+    uint64_t not_converged;
 } palpate_statistics_data;
 
 /*

@@ -104,6 +104,10 @@ pub struct Statistics {
     pub iterations: u32,
     /// Always 0.
     pub reserved_too: u32,
+    /// Ticks with more contacts than there was room for: the force was that of the deepest.
+    pub truncated: u64,
+    /// Ticks whose contact problem ended above its tolerance.
+    pub not_converged: u64,
 }
 
 // SAFETY: repr(C), plain numbers; LEAST is the offset of a field.
@@ -156,6 +160,8 @@ impl Statistics {
             overlap: s.overlap,
             iterations: s.iterations,
             reserved_too: 0,
+            truncated: s.port.contact.truncated,
+            not_converged: s.port.contact.not_converged,
         }
     }
 }

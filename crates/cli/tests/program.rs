@@ -32,7 +32,9 @@ fn a_run_writes_trace_picture_table_state_and_summary() {
     assert!((largest - said).abs() <= 1e-12 * said, "trace {largest} N, summary {said} N");
 
     let mut table = csv::Reader::from_path(place.path("steps.csv")).unwrap();
-    let ticks = palpate::summary::ForceCounts::NAMES.map(|name| format!("ticks_{name}"));
+    use palpate::summary::{ContactCounts, ForceCounts};
+    let ticks = ForceCounts::NAMES.iter().chain(&ContactCounts::NAMES);
+    let ticks: Vec<_> = ticks.map(|name| format!("ticks_{name}")).collect();
     let columns = palpate::step::StepReport::COLUMNS.iter().copied().chain(ticks.iter().map(String::as_str));
     assert!(table.headers().unwrap().iter().eq(columns), "{:?}", table.headers());
     let rows: Vec<Vec<f64>> =
@@ -49,7 +51,11 @@ fn a_run_writes_trace_picture_table_state_and_summary() {
     assert!(rows.iter().any(|row| row[column("force_z_n")] > 0.05 && row[column("contacts")] >= 1.0));
     // The first fade takes 0.3 s; nothing else acts on the force of a press.
     let of_ticks = |k: usize| rows.iter().map(|row| row[palpate::step::StepReport::COLUMNS.len() + k]).sum::<f64>();
-    for (k, name) in palpate::summary::ForceCounts::NAMES.iter().enumerate() {
+    for (k, name) in ContactCounts::NAMES.iter().enumerate() {
+        let counted = of_ticks(ForceCounts::NAMES.len() + k);
+        assert_eq!(summary["port"]["contact"][*name].as_f64(), Some(counted), "{name}");
+    }
+    for (k, name) in ForceCounts::NAMES.iter().enumerate() {
         assert_eq!(of_ticks(k), if *name == "fading_in" { 300.0 } else { 0.0 }, "{name}");
         assert_eq!(summary["port"]["counts"][*name].as_f64(), Some(of_ticks(k)), "{name}");
     }

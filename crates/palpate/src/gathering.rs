@@ -245,6 +245,7 @@ impl Gathering {
         self.beyond_patch += u64::from(record.flags.contains(TickFlags::BEYOND_PATCH));
         self.impulse[1] += record.contact_wrench.force.norm() * self.lengths[1];
         self.port.add(record);
+        self.room.tick(record);
         self.worst_tick_residual = self.worst_tick_residual.max(record.residual);
         if let Some(error) = record.device_error {
             self.unanswered += 1;

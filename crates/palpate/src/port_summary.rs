@@ -83,11 +83,38 @@ impl ForceCounts {
     }
 }
 
+/// Ticks whose contact force is not that of the whole contact problem, by why not.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct ContactCounts {
+    /// There were more contacts than the tick had room for: the force is that of the deepest.
+    pub truncated: u64,
+    /// The sweeps ended above their tolerance: the force is the one that they had reached.
+    pub not_converged: u64,
+}
+
+impl ContactCounts {
+    /// Names of the counts, for tables.
+    pub const NAMES: [&'static str; 2] = ["truncated", "not_converged"];
+
+    /// Counts a tick.
+    pub fn add(&mut self, flags: TickFlags) {
+        self.truncated += u64::from(flags.contains(TickFlags::TRUNCATED));
+        self.not_converged += u64::from(flags.contains(TickFlags::NOT_CONVERGED));
+    }
+
+    /// The counts in the order of [`Self::NAMES`].
+    pub fn values(&self) -> [u64; 2] {
+        [self.truncated, self.not_converged]
+    }
+}
+
 /// The device's port over a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct PortSummary {
     /// Ticks in which something acted on the force.
     pub counts: ForceCounts,
+    /// Ticks whose contact force is not that of the whole contact problem.
+    pub contact: ContactCounts,
     /// Energy that has gone through, by forces and by torques (J); positive: from the hand.
     pub energy: [f64; 2],
     /// Lowest account of a contact (J): what it gave out beyond what it had taken in.
@@ -116,6 +143,7 @@ impl PortSummary {
     /// Counts a tick.
     pub(crate) fn add(&mut self, record: &TickRecord) {
         self.counts.add(record.flags);
+        self.contact.add(record.flags);
         self.energy = [record.energy.translation, record.energy.rotation];
         self.least_account = self.least_account.min(record.energy.account);
         if let Some(gripper) = &mut self.gripper {

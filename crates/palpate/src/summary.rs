@@ -9,7 +9,7 @@ use palpate_rigid::RigidState;
 use serde::Serialize;
 
 pub use crate::changes::EventRecord;
-pub use crate::port_summary::{ForceCounts, GripperSummary, PortSummary};
+pub use crate::port_summary::{ContactCounts, ForceCounts, GripperSummary, PortSummary};
 pub use crate::record::TraceOutcome;
 use crate::step::placements;
 pub use crate::unconverged::Unconverged;

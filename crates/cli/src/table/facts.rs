@@ -107,6 +107,9 @@ fn contact(s: &RunSummary, facts: &mut Facts) {
         let [steps, ticks] = s.impulse;
         facts.row("impulse of contact: steps / ticks [N·s]", format!("{steps:.4} / {ticks:.4}"));
     }
+    let c = &s.port.contact;
+    let ticks = [("without room for all", c.truncated), ("not converged", c.not_converged)];
+    facts.counts("ticks whose contact was", "unsolved contact of ticks", &ticks);
     let patches = [
         ("steps with a full one", s.patches_full),
         ("steps with frozen rows at a rigid body", s.frozen_at_rigid),

@@ -3,12 +3,16 @@
 use crate::counted::counted;
 use crate::scene::SceneDescription;
 use crate::step::StepReport;
+use crate::tick::{TickFlags, TickRecord};
 
 /// Contacts beyond the capacity that the scene states: those of the tool with the tissue, and those of other bodies.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Room {
     tool: Dropped,
     bodies: Dropped,
+    /// Ticks that had more contacts than room, and the time of the first (s).
+    ticks: u64,
+    first_tick: Option<f64>,
 }
 
 /// Contacts that were dropped at one capacity.
@@ -30,7 +34,15 @@ impl Room {
         self.bodies.add(report.dropped() - tool, report.time);
     }
 
-    /// All of them.
+    /// Counts a tick that had more contacts than room.
+    pub(super) fn tick(&mut self, record: &TickRecord) {
+        if record.flags.contains(TickFlags::TRUNCATED) {
+            self.ticks += 1;
+            self.first_tick.get_or_insert(record.time);
+        }
+    }
+
+    /// All of those of steps.
     pub(super) fn dropped(&self) -> u64 {
         self.tool.contacts + self.bodies.contacts
     }
@@ -50,7 +62,14 @@ impl Room {
                 .collect();
             format!("{dropped}: give them a greater `max_contacts` (now {})", rooms.join(", "))
         });
-        tool.into_iter().chain(bodies).collect()
+        let ticks = self.first_tick.map(|first| {
+            format!(
+                "{} had more contacts than room, the first at {first:.3} s; the deepest were kept: give [contact] \
+                 `max_contacts` above {room}",
+                counted(self.ticks, "tick", "ticks")
+            )
+        });
+        tool.into_iter().chain(bodies).chain(ticks).collect()
     }
 }
 
