@@ -10,7 +10,7 @@
 //!                               lambda_n' = -b_n / (W_nn + mu w . u) ,   lambda_t' = mu lambda_n' u
 //! ```
 //!
-//! of which exact local solutions are the fixed points: one root and two quotients instead of Newton's for the slip.
+//! of which exact local solutions are the fixed points: one root and one quotient instead of Newton's for the slip.
 
 use crate::coupled_block::{Columns, Quad, inverse, times};
 
