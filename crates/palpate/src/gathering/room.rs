@@ -112,7 +112,7 @@ mod tests {
         room.add(&report);
         let told = room.notes(scene);
         assert!(told.len() == 1 && room.dropped() == 8, "{told:?}");
-        for words in ["8 contacts of the tool", "in 2 steps, up to 5 at once, the first at 0.500 s", "above 48"] {
+        for words in ["8 contacts of the tool", "in 2 steps, up to 5 at once, the first at 0.500 s", "above 64"] {
             assert!(told[0].contains(words), "{words}: {}", told[0]);
         }
         (report.detection.dropped, report.bodies.dropped) = (0, 1);
@@ -120,6 +120,6 @@ mod tests {
         let told = room.notes(scene);
         assert!(told.len() == 2 && room.dropped() == 9, "{told:?}");
         assert!(told[1].contains("1 contact of fixed and rigid bodies"), "{}", told[1]);
-        assert!(told[1].contains("fixed_body `table` 48"), "{}", told[1]);
+        assert!(told[1].contains("fixed_body `table` 64"), "{}", told[1]);
     }
 }
