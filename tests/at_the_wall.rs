@@ -60,11 +60,12 @@ fn a_block_is_lifted_off_a_table_and_set_down_without_a_staircase() {
     assert!(jumps(&local, lifted) < 0.020, "{}", jumps(&local, lifted));
     assert!(jumps(&local, set_down) < 0.020, "{}", jumps(&local, set_down));
     assert!(jumps(&frozen, set_down) > 0.15, "it is a hard case: {}", jumps(&frozen, set_down));
-    // Pulled off the table, the block weighs at most what the motion of the hand adds: a wall lets go between two steps.
+    // A wall that lets go hands the block's weight to the jaws at once; such a load is felt twice at most.
+    let weight = 1050.0 * 0.014 * 0.02 * 0.02 * 9.81;
     let lifting = local.ticks.iter().map(|t| &t.record).filter(|r| r.time > lifted.0 && r.time < lifted.1);
     let pull = lifting.map(|r| r.contact_wrench.force.z).fold(0.0, f64::min);
     println!("largest pull {pull} N");
-    assert!(pull > -0.09, "{pull} N");
+    assert!(pull > -2.0 * weight, "{pull} N");
 }
 
 /// What differs in rounding, or by a little more, takes other turns, each of which the hand-over holds for: a tenth of
