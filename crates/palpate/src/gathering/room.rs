@@ -10,8 +10,7 @@ use crate::tick::{TickFlags, TickRecord};
 pub(super) struct Room {
     tool: Dropped,
     bodies: Dropped,
-    /// Ticks that had more contacts than room, and the time of the first (s).
-    ticks: u64,
+    /// Time of the first tick that had more contacts than room (s).
     first_tick: Option<f64>,
 }
 
@@ -34,10 +33,9 @@ impl Room {
         self.bodies.add(report.dropped() - tool, report.time);
     }
 
-    /// Counts a tick that had more contacts than room.
+    /// Notes the first tick that had more contacts than room; the port counts them.
     pub(super) fn tick(&mut self, record: &TickRecord) {
         if record.flags.contains(TickFlags::TRUNCATED) {
-            self.ticks += 1;
             self.first_tick.get_or_insert(record.time);
         }
     }
@@ -47,8 +45,8 @@ impl Room {
         self.tool.contacts + self.bodies.contacts
     }
 
-    /// What there is to say of them, with the keys that make room.
-    pub(super) fn notes(&self, scene: &SceneDescription) -> Vec<String> {
+    /// What there is to say of them and of so many ticks, with the keys that make room.
+    pub(super) fn notes(&self, scene: &SceneDescription, ticks: u64) -> Vec<String> {
         let room = scene.contact.max_contacts;
         let tool = self.tool.sentence("of the tool").map(|dropped| {
             format!("{dropped}; the deepest were kept: give [contact] `max_contacts` above {room}, or coarser cells to the body")
@@ -66,7 +64,7 @@ impl Room {
             format!(
                 "{} had more contacts than room, the first at {first:.3} s; the deepest were kept: give [contact] \
                  `max_contacts` above {room}",
-                counted(self.ticks, "tick", "ticks")
+                counted(ticks, "tick", "ticks")
             )
         });
         tool.into_iter().chain(bodies).chain(ticks).collect()
@@ -105,19 +103,19 @@ mod tests {
         let mut report = Simulation::new(&world).unwrap().step(&world.first_pose());
         let mut room = Room::default();
         room.add(&report);
-        assert!(room.notes(scene).is_empty() && room.dropped() == 0);
+        assert!(room.notes(scene, 0).is_empty() && room.dropped() == 0);
         (report.detection.dropped, report.time) = (3, 0.5);
         room.add(&report);
         (report.detection.dropped, report.time) = (5, 0.6);
         room.add(&report);
-        let told = room.notes(scene);
+        let told = room.notes(scene, 0);
         assert!(told.len() == 1 && room.dropped() == 8, "{told:?}");
         for words in ["8 contacts of the tool", "in 2 steps, up to 5 at once, the first at 0.500 s", "above 64"] {
             assert!(told[0].contains(words), "{words}: {}", told[0]);
         }
         (report.detection.dropped, report.bodies.dropped) = (0, 1);
         room.add(&report);
-        let told = room.notes(scene);
+        let told = room.notes(scene, 0);
         assert!(told.len() == 2 && room.dropped() == 9, "{told:?}");
         assert!(told[1].contains("1 contact of fixed and rigid bodies"), "{}", told[1]);
         assert!(told[1].contains("fixed_body `table` 64"), "{}", told[1]);

@@ -13,7 +13,7 @@ impl Gathering {
         self.notes.extend(self.tangle_note());
         self.notes.extend(self.climbing.note(world.plan().ladder));
         self.notes.extend(self.unsolved.note(world.description()));
-        self.notes.extend(self.room.notes(world.description()));
+        self.notes.extend(self.room.notes(world.description(), self.port.contact.truncated));
         let counts = self.counts();
         let rate = |n: u64| wall.map_or(0.0, |w| n as f64 / w);
         RunSummary {
