@@ -95,8 +95,20 @@ pub(crate) fn write_header() -> Outcome {
     execute(command.env("PALPATE_WRITE_HEADER", "1"))
 }
 
+/// Builds what the tests have built, so that the guards after them compile nothing: a command for one package alone would
+/// choose fewer features of shared dependencies and compile all of them once more.
+fn build() -> Outcome {
+    execute(&mut cargo(&["build", "--release", "--workspace", "--lib", "--bins", "--examples", "--tests"]))
+}
+
+/// A program that [`build`] made, by its path below the folder of the profile.
+fn built(program: &str) -> Command {
+    Command::new(root().join("target/release").join(program))
+}
+
 /// Every example of the root package, found by its file.
 fn examples() -> Outcome {
+    build()?;
     let folder = root().join("examples");
     let mut names: Vec<String> = std::fs::read_dir(&folder)
         .map_err(|e| format!("{}: {e}", folder.display()))?
@@ -104,65 +116,39 @@ fn examples() -> Outcome {
         .collect();
     names.sort();
     for name in names {
-        execute(&mut cargo(&["run", "--release", "--quiet", "--example", &name]))?;
+        execute(&mut built(&format!("examples/{name}")))?;
     }
     Ok(())
 }
 
 /// Runs the bundled scene in lockstep, replays its trace, and looks at every file that it wrote.
 fn program() -> Outcome {
+    build()?;
+    let palpate = |arguments: &[&str]| execute(built("palpate").args(arguments));
     let out = output_folder()?;
     let path = |name: &str| out.join(name).to_string_lossy().into_owned();
     let (trace, state, csv) = (path("liver.mcap"), path("liver.vtu"), path("liver.csv"));
-    execute(&mut cargo(&[
-        "run",
-        "--release",
-        "--quiet",
-        "--",
-        "run",
-        "liver",
-        "--lockstep",
-        "--steps",
-        "90",
-        "--quiet",
-        "--trace",
-        &trace,
-        "--final",
-        &state,
-        "--csv",
-        &csv,
-    ]))?;
+    let files = ["--trace", &trace, "--final", &state, "--csv", &csv];
+    palpate(&[&["run", "liver", "--lockstep", "--steps", "90", "--quiet"], &files[..]].concat())?;
     for file in [&trace, &state, &csv, &path("liver.svg")] {
         let length = std::fs::metadata(file).map_err(|e| format!("{file}: {e}"))?.len();
         if length < 500 {
             return Err(format!("{file} holds only {length} bytes"));
         }
     }
-    execute(&mut cargo(&["run", "--release", "--quiet", "--", "replay", &trace]))?;
-    execute(&mut cargo(&["run", "--release", "--quiet", "--", "check", "liver"]))?;
-    execute(&mut cargo(&["run", "--release", "--quiet", "--", "mesh", &state]))?;
-    execute(&mut cargo(&["run", "--release", "--quiet", "--", "scenes"]))?;
-    execute(&mut cargo(&[
-        "run",
-        "--release",
-        "--quiet",
-        "--",
-        "run",
-        "liver",
-        "--seconds",
-        "1",
-        "--no-trace",
-        "--json",
-        "--quiet",
-    ]))
+    palpate(&["replay", &trace])?;
+    palpate(&["check", "liver"])?;
+    palpate(&["mesh", &state])?;
+    palpate(&["scenes"])?;
+    palpate(&["run", "liver", "--seconds", "1", "--no-trace", "--json", "--quiet"])
 }
 
-/// Builds the C library and its example as a user does, and runs it linked both ways.
+/// Builds the C library, and its example as a user does, and runs it linked both ways.
 fn embed() -> Outcome {
     let out = output_folder()?.join("c");
-    let build = format!("BUILD={}", out.display());
-    execute(&mut cargo(&["build", "--release", "--package", "palpate-capi"]))?;
-    execute(Command::new("make").args(["--directory", "examples/c", &build]))?;
+    let folder = format!("BUILD={}", out.display());
+    build()?;
+    execute(Command::new("make").args(["--directory", "examples/c", &folder]))?;
     for linked in ["shared", "static"] {
         execute(Command::new(out.join(linked)).args(["block", "2"]))?;
     }
