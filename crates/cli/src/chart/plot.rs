@@ -6,6 +6,7 @@ use std::path::Path;
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 pub(crate) use super::axis::Axis;
 use super::axis::{logarithmic, number};
@@ -154,6 +155,18 @@ where
         .label_style(("sans-serif", 12))
         .axis_desc_style(("sans-serif", 14))
         .draw()?;
+    if !panel.series.iter().flat_map(|s| &s.points).any(|p| panel.shows(p)) {
+        let grey = BLACK.mix(0.6);
+        let centred = Pos::new(HPos::Center, VPos::Center);
+        let words = TextStyle::from(("sans-serif", 14)).color(&grey).pos(centred);
+        let area = chart.plotting_area();
+        let (width, height) = area.dim_in_pixel();
+        area.strip_coord_spec().draw(&Text::new(
+            "nothing to show: see the table",
+            (width as i32 / 2, height as i32 / 2),
+            words,
+        ))?;
+    }
     for series in &panel.series {
         let Some(style) = legend.style(&series.name) else { continue };
         let points: Vec<(f64, f64)> = series.points.iter().copied().filter(|p| panel.shows(p)).collect();

@@ -68,25 +68,53 @@ pub struct Search {
 /// Edge of stability above `search.low`: values are tried upwards until the first that is not stable, then the interval
 /// before it is halved on the scale of logarithms. `search.high` where all are stable; `None` where the lowest is not.
 pub fn largest_stable(search: &Search, mut is_stable: impl FnMut(f64) -> bool) -> Option<f64> {
-    if !is_stable(search.low) {
-        return None;
-    }
-    let mut low = search.low;
-    let mut high = loop {
-        if low >= search.high {
-            return Some(search.high);
+    is_stable(search.low).then(|| upper_edge(search, search.low, is_stable))
+}
+
+/// An interval of stability.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StableRange {
+    /// Its lower edge; the lowest value that was tried, where that is stable.
+    pub low: f64,
+    /// Its upper edge; the highest value that was tried, where that is stable.
+    pub high: f64,
+}
+
+/// The first interval of stability from `search.low` upwards, both edges found as in [`largest_stable`]: of what holds only if
+/// it is neither too soft nor too stiff. `None` where no value of the first pass is stable.
+pub fn stable_range(search: &Search, mut is_stable: impl FnMut(f64) -> bool) -> Option<StableRange> {
+    let (mut value, mut failed) = (search.low, None);
+    while !is_stable(value) {
+        if value >= search.high {
+            return None;
         }
+        failed = Some(value);
+        value = (value * search.stride).min(search.high);
+    }
+    let low = failed.map_or(value, |failed| edge(search, failed, value, |v| !is_stable(v)));
+    Some(StableRange { low, high: upper_edge(search, value, is_stable) })
+}
+
+/// The first edge above a stable value.
+fn upper_edge(search: &Search, stable: f64, mut is_stable: impl FnMut(f64) -> bool) -> f64 {
+    let mut low = stable;
+    while low < search.high {
         let next = (low * search.stride).min(search.high);
         if !is_stable(next) {
-            break next;
+            return edge(search, low, next, is_stable);
         }
         low = next;
-    };
+    }
+    search.high
+}
+
+/// The edge between a value that is `like_low` and one that is not.
+fn edge(search: &Search, mut low: f64, mut high: f64, mut like_low: impl FnMut(f64) -> bool) -> f64 {
     while high / low > search.ratio {
         let middle = (low * high).sqrt();
-        if is_stable(middle) { low = middle } else { high = middle }
+        if like_low(middle) { low = middle } else { high = middle }
     }
-    Some((low * high).sqrt())
+    (low * high).sqrt()
 }
 
 #[cfg(test)]
@@ -100,5 +128,16 @@ mod tests {
         assert!((edge / 77.0 - 1.0).abs() < 1e-3, "{edge}");
         assert_eq!(largest_stable(&search, |_| true), Some(1e4));
         assert_eq!(largest_stable(&search, |_| false), None);
+    }
+
+    #[test]
+    fn a_window_is_found_by_both_its_edges() {
+        let search = Search { low: 1.0, high: 1e4, stride: 2.0, ratio: 1.001 };
+        let range = stable_range(&search, |k| (30.0..700.0).contains(&k)).unwrap();
+        assert!((range.low / 30.0 - 1.0).abs() < 1e-3 && (range.high / 700.0 - 1.0).abs() < 1e-3, "{range:?}");
+        assert_eq!(stable_range(&search, |_| true), Some(StableRange { low: 1.0, high: 1e4 }));
+        let above = stable_range(&search, |k| k > 5000.0).unwrap();
+        assert!((above.low / 5000.0 - 1.0).abs() < 1e-3 && above.high == 1e4, "{above:?}");
+        assert_eq!(stable_range(&search, |_| false), None);
     }
 }

@@ -24,7 +24,7 @@ use crate::chart::{NamedTable, Settings, Work};
 const STIFF: f64 = 1e6;
 
 /// Rate of the reference (Hz).
-const OFFLINE: f64 = 1000.0;
+pub(super) const OFFLINE: f64 = 1000.0;
 
 /// Ticks of a mean.
 const WINDOW: usize = 5;
@@ -144,10 +144,15 @@ fn panels(outcomes: &[Outcome<'_>]) -> Vec<Panel> {
 }
 
 /// The path of a case's world, and its length in milliseconds.
-fn path(case: &Case, world: &World) -> Result<(HandScript, usize)> {
+pub(super) fn path(case: &Case, world: &World) -> Result<(HandScript, usize)> {
     let script = HandScript::new(world.description().hand.path.clone()).map_err(|e| miette!("{e}"))?;
     let milliseconds = (case.duration(script.duration()) * OFFLINE) as usize;
     Ok((script, milliseconds))
+}
+
+/// The coupling by which the tool follows the device.
+pub(super) fn exact_coupling() -> CouplingConfig {
+    CouplingConfig { translation: Spring { stiffness: STIFF, damping: 0.0 }, rotation: None }
 }
 
 /// Forces of the scene stepped offline at 1 kHz.
@@ -174,7 +179,7 @@ fn felt(case: &Case, method: Method, rate: f64, work: &Work) -> Result<(Forces, 
     let (script, milliseconds) = path(case, &world)?;
     let mut palpation = Palpation::new(&world, Box::new(ScriptedDevice::new(script)), |config| {
         method.configure(rate, config);
-        config.coupling = CouplingConfig { translation: Spring { stiffness: STIFF, damping: 0.0 }, rotation: None };
+        config.coupling = exact_coupling();
     })?;
     let held = method.period(rate) * OFFLINE;
     let (mut forces, mut steps): (Forces, _) = (Vec::with_capacity(milliseconds), Vec::new());

@@ -1,4 +1,4 @@
-//! Z-width: the stiffest coupling that holds in each scene, by its damping, the rate of the tissue and what the tick does.
+//! Z-width: the couplings that hold in each scene, by their damping, the rate of the tissue and what the tick does.
 //!
 //! The virtual device with its friction, encoder and tick of delay, in the loosest hand that was measured, presses the scene's
 //! tissue as its path says within 0.4 s and stays; a grasper closes within 0.4 s, lifts within 0.4 s more, and stays. The
@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use palpate::haptics::coupling::{CouplingConfig, Spring};
 use palpate::haptics::device::VirtualDevice;
 use palpate::haptics::hand::Hand;
-use palpate::haptics::rig::{Search, largest_stable};
+use palpate::haptics::rig::{Search, StableRange, stable_range};
 use palpate::haptics::script::HandScript;
 use palpate::prelude::*;
 
@@ -55,11 +55,11 @@ impl Region {
     }
 }
 
-/// Edges over the damping of the coupling; nodes of the body.
-struct Edges {
+/// What holds over the damping of the coupling; nodes of the body.
+struct Ranges {
     nodes: usize,
-    /// Damping (N s/m), and the stiffest coupling that holds (N/m); `None` where the softest that was tried does not.
-    edges: Vec<(f64, Option<f64>)>,
+    /// Damping (N s/m), and the stiffness of the couplings that hold (N/m); `None` where none that was tried does.
+    ranges: Vec<(f64, Option<StableRange>)>,
 }
 
 /// Measures all regions; the table and a panel for each scene and rate.
@@ -78,7 +78,7 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<(NamedTable, V
     }
     work.expect(regions.len());
     let name = |region: &Region| format!("couplings, {}, {}, {} Hz", region.case.name(), region.method(), region.rate);
-    let found = in_parallel(&regions, work, name, |region| edges(region, dampings, &search, work))?;
+    let found = in_parallel(&regions, work, name, |region| ranges(region, dampings, &search, work))?;
 
     let columns = [
         "scene",
@@ -86,49 +86,58 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<(NamedTable, V
         "tissue [Hz]",
         "method",
         "B of the coupling [N s/m]",
+        "stable from K of the coupling [N/m]",
         "stable up to K of the coupling [N/m]",
     ];
     let mut table = Table::new(&columns);
     let mut panels: Vec<Panel> = Vec::new();
     for (region, found) in regions.iter().zip(&found) {
         let Some(found) = found else { continue };
-        for &(damping, edge) in &found.edges {
+        for &(damping, range) in &found.ranges {
+            let edge = |of: fn(StableRange) -> f64| range.map_or(Value::None, |range| Value::Number(of(range), 0));
             table.push(vec![
                 region.case.name().into(),
                 found.nodes.into(),
                 Value::Number(region.rate, 0),
                 region.method().into(),
                 Value::Number(damping, 1),
-                edge.map_or(Value::Number(0.0, 0), |edge| Value::Number(edge, 0)),
+                edge(|range| range.low),
+                edge(|range| range.high),
             ]);
         }
-        let points = found.edges.iter().filter_map(|&(damping, edge)| Some((damping, edge?))).collect();
-        let series = Series { name: region.method(), mark: Mark::Joined, points };
+        let points = |of: fn(StableRange) -> f64| -> Vec<(f64, f64)> {
+            found.ranges.iter().filter_map(|&(damping, range)| Some((damping, of(range?)))).collect()
+        };
+        let mut series = vec![Series { name: region.method(), mark: Mark::Joined, points: points(|range| range.high) }];
+        let lower = points(|range| range.low);
+        if lower.iter().any(|&(_, low)| low > search.low) {
+            series.push(Series { name: format!("{}, softest", region.method()), mark: Mark::Dashed, points: lower });
+        }
         let title = format!("Stable couplings: {}, tissue at {} Hz", region.case.name(), region.rate);
         match panels.iter_mut().find(|panel| panel.title == title) {
-            Some(panel) => panel.series.push(series),
+            Some(panel) => panel.series.extend(series),
             None => panels.push(Panel {
                 title,
                 x: Axis::linear("damping of the coupling B [N s/m]"),
                 y: Axis::log("stable up to K [N/m]"),
-                series: vec![series],
+                series,
             }),
         }
     }
     let title = format!(
-        "Stiffest stable coupling at 1 kHz in a {HAND} hand; 0: {} N/m is too stiff, {}: the stiffest that was tried; a force \
-         that is held for a step has a coupling at the tissue's rate",
+        "Stable couplings at 1 kHz in a {HAND} hand; -: none between {} and {} N/m, the softest and the stiffest that were \
+         tried; a force that is held for a step has a coupling at the tissue's rate",
         search.low, search.high
     );
     Ok((NamedTable { file: "haptics_couplings", title, table }, panels))
 }
 
-fn edges(region: &Region, dampings: &[f64], search: &Search, work: &Work) -> Result<Edges> {
+fn ranges(region: &Region, dampings: &[f64], search: &Search, work: &Work) -> Result<Ranges> {
     let world = region.case.world(region.method, region.rate, |scene| scene.hand.preset = HAND.into())?;
-    let mut edges = Vec::new();
+    let mut ranges = Vec::new();
     for &damping in dampings {
         let mut refused = None;
-        let edge = largest_stable(search, |stiffness| {
+        let range = stable_range(search, |stiffness| {
             holds(&world, region, Spring { stiffness, damping }, work).unwrap_or_else(|error| {
                 refused = Some(error);
                 false
@@ -137,9 +146,9 @@ fn edges(region: &Region, dampings: &[f64], search: &Search, work: &Work) -> Res
         if let Some(error) = refused {
             return Err(error);
         }
-        edges.push((damping, edge));
+        ranges.push((damping, range));
     }
-    Ok(Edges { nodes: world.mesh().nodes.len(), edges })
+    Ok(Ranges { nodes: world.mesh().nodes.len(), ranges })
 }
 
 /// Whether a coupling holds.
