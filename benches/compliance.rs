@@ -1,12 +1,14 @@
 //! `W = h² H A⁻¹ Hᵀ` of 10 and 30 frictional contacts on the liver: half solves over the reach of the rows, against full
 //! solves with all columns of `Hᵀ` at once, and gathered from the precomputed inverse between the nodes of the skin.
+//!
+//! `cargo bench --bench compliance -- threads` prints the half solves alone, on one thread and on two.
 
 #![allow(clippy::print_stdout)]
 
 use criterion::Criterion;
 use nalgebra::DMatrix;
 use palpate::constraints::surface_inverse::{GatherWorkspace, SurfaceInverse};
-use palpate::fem::factor::{Factor, FactorStatus, ReachWorkspace, SolveWorkspace};
+use palpate::fem::factor::{Factor, FactorStatus, ReachStatus, ReachWorkspace, SolveWorkspace};
 use palpate::fem::nodal_rows::NodalRows;
 use palpate::simulation::Simulation;
 use palpate::world::World;
@@ -15,7 +17,7 @@ use std::time::Instant;
 
 mod organ;
 use organ::patch::Patch;
-use organ::{CELLS, benches, liver_under_ball, measuring, nodes, paired_medians, press};
+use organ::{CELLS, benches, liver_under_ball, measuring, nodes, paired_medians, pool, press};
 
 /// Runs in turn for the printed ratio.
 const REPETITIONS: usize = 9;
@@ -107,7 +109,43 @@ fn measure(c: &mut Criterion, world: &World, simulation: &Simulation<'_>, contac
     group.finish();
 }
 
+/// Half solves on one thread and on two, in turn: 60 rows are one block, within which two threads share the large fronts.
+fn on_two_threads(cell: f64) {
+    let world = liver_under_ball(cell);
+    let threads = [pool(1), pool(2)];
+    let (simulation, _) = threads[1].install(|| press(&world));
+    let mut factor = Factor::new(Arc::clone(world.symbolic()));
+    assert_eq!(factor.refactor(&simulation.workspace().fem.system).status, FactorStatus::Ok);
+    for contacts in [20, 30, 50, 150] {
+        let rows = Patch::of(&simulation, contacts).rows;
+        let mut reach = ReachWorkspace::new(world.symbolic(), rows.len());
+        let mut least = [f64::INFINITY; 2];
+        for _ in 0..if measuring() { 5 * REPETITIONS } else { 1 } {
+            for (least, pool) in least.iter_mut().zip(&threads) {
+                *least = least.min(pool.install(|| {
+                    let begin = Instant::now();
+                    assert_eq!(factor.half_solve(&rows, &mut reach).status, ReachStatus::Ok);
+                    1e3 * begin.elapsed().as_secs_f64()
+                }));
+            }
+        }
+        println!(
+            "{}, half solves of {} rows: {:.2} ms on one thread, {:.2} on two, ratio {:.2} (least times)",
+            nodes(&world),
+            rows.len(),
+            least[0],
+            least[1],
+            least[0] / least[1]
+        );
+    }
+}
+
 fn main() {
+    if std::env::args().any(|argument| argument == "threads") {
+        let cells = if measuring() { &CELLS[1..] } else { &CELLS[..1] };
+        cells.iter().for_each(|&cell| on_two_threads(cell));
+        return;
+    }
     // One worker: this stage of the step is sequential.
     benches(1, |c| {
         for cell in &CELLS[..2] {

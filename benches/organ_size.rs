@@ -3,7 +3,8 @@
 //!
 //! `cargo bench --bench organ_size [-- NODES... tolerance=T]`: about as many nodes, without 1,000 to 9,400, and the relative
 //! residual of the free motion and the correction; `sampling=S`: the share of a step for comparing a column of the compliance.
-//! The factor is of the matrix of a step, ten times a second or as often as it can be made, and serves from the first step
+//! `cargo bench --bench organ_size -- alive [NODES...]` plays livers in real time with all threads instead, some ten seconds each.
+//! Else the factor is of the matrix of a step, ten times a second or as often as it can be made, and serves from the first step
 //! after the time that making it takes here on one core, by the processor; the thread that would make it, which shares cores and
 //! memory with the step, is not there. On one core times are those of the processor, which other work on the machine disturbs least;
 //! on two they are those of the clock, and want a quiet machine.
@@ -20,6 +21,8 @@ use palpate::simulation::Simulation;
 use palpate::step::{StepReport, StepTimes};
 use palpate::world::World;
 
+#[path = "organ/alive.rs"]
+mod alive;
 mod organ;
 use organ::{liver, measuring, pool, traffic};
 
@@ -192,6 +195,10 @@ fn fit(lines: &[Line], time: impl Fn(&Line) -> f64) -> (f64, f64) {
 
 fn main() {
     let named: Vec<f64> = std::env::args().filter_map(|argument| argument.parse().ok()).collect();
+    if std::env::args().any(|argument| argument == "alive") {
+        alive::print(&named);
+        return;
+    }
     let wish = |name: &str| std::env::args().find_map(|argument| argument.strip_prefix(name)?.parse().ok());
     let wishes = Wishes { tolerance: wish("tolerance="), sampling: wish("sampling=") };
     let (sizes, steps) = match (measuring(), named.is_empty()) {

@@ -302,6 +302,11 @@ fn a_run_on_a_ladder_repeats_to_the_bit_on_any_number_of_threads_and_replays() {
     let highest_in_summary = one.2.rungs.last().unwrap().0;
     assert_eq!(Rung::ALL[highest as usize].name(), highest_in_summary);
     assert!(trace.steps.iter().any(|s| s.lower_error > 0.0));
+    // What the accuracy is held against, in the steps in which it was known and in no others.
+    let errors: Vec<f64> = trace.steps.iter().filter_map(|s| s.force_error).collect();
+    assert!(errors.len() as u64 == one.2.force_errors && errors.len() < trace.steps.len(), "{}", errors.len());
+    let worst = errors.iter().copied().fold(0.0, f64::max);
+    assert!(worst > 0.0 && (worst - one.2.force_error.max).abs() <= 2e-3 * worst, "{worst}: kept to three digits");
 }
 
 /// In virtual time with nothing but defaults the factor thread is free for most of a period, as it is in real time: on

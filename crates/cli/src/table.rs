@@ -68,6 +68,7 @@ fn tails(s: &RunSummary) -> Table {
         row("CG iterations of the correction", &s.correction_iterations, 1.0, 0);
         row("error of the compliance [%]", &s.compliance_error, 1e2, 2);
     }
+    row("error of the contact forces [%]", &s.force_error, 1e2, 2);
     row("contacts", &s.contacts, 1.0, 0);
     row("contacts of fixed and rigid bodies", &s.body_contacts, 1.0, 0);
     row("jump of the force at a new snapshot [mN]", &s.force_jump, 1e3, 2);

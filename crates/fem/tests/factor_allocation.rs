@@ -21,7 +21,7 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 #[test]
 fn run_paths_allocate_nothing() {
     // large enough that fronts, solves and rows are cut into tasks
-    let body = Body::block([9, 9, 9], 1);
+    let body = Body::block([12, 12, 11], 1);
     let n = body.free_nodes();
     let symbolic = SymbolicFactor::new(&body.pattern, &body.positions).unwrap().with_room_for_changes(40);
     let symbolic = Arc::new(symbolic);
@@ -31,11 +31,16 @@ fn run_paths_allocate_nothing() {
     let mut change = MatrixChange::with_capacity(n, 40);
     let mut stiffened = matrices[0].clone();
     stiffened.blocks[body.pattern.find(9, 9).unwrap()] *= 2.0;
-    let held: Vec<bool> = (0..n).map(|k| k % 40 == 3).collect();
+    let held: Vec<bool> = (0..n).map(|k| k % 70 == 3).collect();
     let free = vec![false; n];
     let mut indefinite = body.system(4);
     indefinite.blocks[0] = -Matrix3::identity();
-    let rows = [body.contact_rows(10, 5), body.scattered_contact_rows(30, 6), body.contact_rows(3, 7)];
+    let rows = [
+        body.contact_rows(10, 5),
+        body.scattered_contact_rows(30, 6),
+        body.contact_rows(3, 7),
+        body.contact_rows(20, 8),
+    ];
     let rotations = vec![Matrix3::identity(); n];
     let mut w = DMatrix::zeros(90, 90);
     let mut reach = ReachWorkspace::new(&symbolic, 90);
@@ -69,7 +74,7 @@ fn run_paths_allocate_nothing() {
                         change.between(&matrices[0], &stiffened, &free) == ChangeStatus::Ok,
                         factor.change(&change) == UpdateStatus::Ok,
                     ];
-                    let rows = &rows[k % 3];
+                    let rows = &rows[k % 4];
                     let m = rows.len();
                     let report = factor.compliance_into(rows, 1e-3, w.view_mut((0, 0), (m, m)), &mut reach);
                     let by_nodes = factor.compliance_into(rows, 1e-3, w.view_mut((0, 0), (m, m)), &mut nodal);
@@ -94,7 +99,7 @@ fn run_paths_allocate_nothing() {
                         && jacobi.iterations > 10
                 })
             };
-            assert!((0..3).all(&mut round), "a stage failed while warming up");
+            assert!((0..4).all(&mut round), "a stage failed while warming up");
             reset_violation_count();
             assert!((0..12).all(round), "a stage failed");
             violation_count()

@@ -162,6 +162,30 @@ fn many_rows_are_exact_and_have_the_same_bits_on_any_number_of_threads() {
     }
 }
 
+/// One block of rows, at whose large fronts threads share the work.
+#[test]
+fn one_block_of_rows_is_right_and_has_the_same_bits_on_any_number_of_threads() {
+    let body = Body::block([12, 12, 11], 1);
+    let factor = factored(&body, &body.system(2));
+    let mut workspace = ReachWorkspace::new(factor.symbolic(), 63);
+    let rows = body.contact_rows(20, 3);
+    let lambda = Random(5).vector(rows.len());
+    let results = [1, 2, 4].map(|threads| {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+            let mut w = DMatrix::zeros(rows.len(), rows.len());
+            assert_eq!(factor.compliance_into(&rows, 1.0, &mut w, &mut workspace).status, ReachStatus::Ok);
+            w
+        })
+    });
+    assert!(results[1] == results[0] && results[2] == results[0]);
+    let mut full = vec![0.0; 3 * body.free_nodes()];
+    rows.add_transposed(&lambda, &mut full);
+    assert!(factor.solve(&mut full, &mut SolveWorkspace::new(factor.symbolic())).is_ok());
+    let exact: Vec<f64> = (0..rows.len()).map(|r| rows.dot(r, &full)).collect();
+    let by_w = &results[0] * DMatrix::from_column_slice(rows.len(), 1, &lambda);
+    assert!(relative_difference(by_w.as_slice(), &exact) < 1e-12);
+}
+
 /// Three unit rows for each node.
 fn unit_rows(nodes: &[u32]) -> NodalRows {
     let mut rows = NodalRows::with_capacity(3 * nodes.len(), 1);

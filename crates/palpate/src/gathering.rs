@@ -39,6 +39,7 @@ pub(crate) struct Gathering {
     contacts: Tail,
     body_contacts: Tail,
     compliance_error: Tail,
+    force_error: Tail,
     correction_iterations: Tail,
     overlap: f64,
     early: u64,
@@ -104,6 +105,7 @@ impl Gathering {
             contacts: Tail::new(1.0),
             body_contacts: Tail::new(1.0),
             compliance_error: Tail::new(1e-9),
+            force_error: Tail::new(1e-9),
             correction_iterations: Tail::new(1.0),
             overlap: 0.0,
             early: 0,
@@ -156,6 +158,9 @@ impl Gathering {
         if let Some(error) = report.error.measured() {
             self.compliance_error.record(error);
             self.correction_iterations.record(f64::from(report.error.correction_iterations));
+        }
+        if let Some(error) = report.error.of_forces() {
+            self.force_error.record(error);
         }
         self.overlap = self.overlap.max(report.error.overlap);
         self.exact_steps += u64::from(report.rows.rows > 0 && report.method == ComplianceMethod::Exact);

@@ -204,7 +204,11 @@ pub struct RunSummary {
     pub compliance_error: Percentiles,
     /// Number of those steps.
     pub compliance_errors: u64,
-    /// Conjugate-gradient iterations of the exact correction, over the same steps.
+    /// Relative error of the contact forces, over the steps where it was measured: what an accuracy is held against.
+    pub force_error: Percentiles,
+    /// Number of those steps.
+    pub force_errors: u64,
+    /// Conjugate-gradient iterations of the exact correction, over the steps where the compliance was judged.
     pub correction_iterations: Percentiles,
     /// Deepest overlap that a correction left (m).
     pub overlap: f64,

@@ -29,6 +29,19 @@ impl FieldValue for f64 {
     }
 }
 
+/// A number that may not be known: NaN in the message, as where the message is of before the field was kept.
+impl FieldValue for Option<f64> {
+    const KIND: FieldKind = FieldKind::Double;
+
+    fn put(&self, number: u32, out: &mut Vec<u8>) {
+        put_double(out, number, self.unwrap_or(f64::NAN));
+    }
+
+    fn get(value: Value<'_>) -> Option<Self> {
+        f64::get(value).map(|value| (!value.is_nan()).then_some(value))
+    }
+}
+
 impl FieldValue for u64 {
     const KIND: FieldKind = FieldKind::Uint64;
 

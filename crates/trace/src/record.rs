@@ -186,6 +186,17 @@ mod tests {
         assert_eq!(TickRecord::decode(&message), Ok(expected));
     }
 
+    /// A 0 would be told for a force without error.
+    #[test]
+    fn a_step_of_before_its_force_error_was_kept_has_none() {
+        let mut message = Vec::new();
+        put_uint(&mut message, 1, 7);
+        let before = StepRecord::decode(&message);
+        assert_eq!(before.map(|step| (step.step, step.force_error)), Ok((7, None)));
+        put_double(&mut message, 38, 0.0);
+        assert_eq!(StepRecord::decode(&message).map(|step| step.force_error), Ok(Some(0.0)));
+    }
+
     #[test]
     fn a_field_of_another_type_is_named() {
         let mut message = Vec::new();

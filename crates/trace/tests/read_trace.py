@@ -87,6 +87,9 @@ def check_message(findings, topic, message, log_time, start_ns, state):
         number, previous = getattr(message, key), state.get(key)
         findings.check(previous is None or number > previous, f"{key} {number} follows {previous}")
         state[key] = number
+        # NaN where a step measured nothing; factors, and traces from before it was kept, have no such field.
+        error = getattr(message, "force_error", math.nan)
+        findings.check(not error < 0, f"{key} {number}: force error {error}")
     elif topic == "/tissue/surface":
         check_surface(findings, message, log_time)
     elif topic == "/tissue/nodes":

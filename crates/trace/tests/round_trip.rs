@@ -117,6 +117,8 @@ impl Bits {
             rung: self.count() as i32,
             lower_error: self.double(),
             tool_opening: self.double(),
+            // All numbers but NaN, and nothing.
+            force_error: Some(self.double()).filter(|error| !error.is_nan()),
         }
     }
 }
@@ -178,8 +180,10 @@ fn any_bits_come_back() {
     for (read, written) in trace.ticks.iter().zip(&ticks) {
         assert_eq!(tick_bits(read), tick_bits(written));
     }
+    assert!(steps.iter().any(|step| step.force_error.is_none()) && steps.iter().any(|step| step.force_error.is_some()));
     for (read, written) in trace.steps.iter().zip(&steps) {
         assert_eq!(step_bits(read), step_bits(written));
+        assert_eq!(read.force_error.map(f64::to_bits), written.force_error.map(f64::to_bits));
     }
 }
 

@@ -1,13 +1,11 @@
 //! Half solves of some of the rows: `Y = L⁻¹ P Hᵀ` on the union of their paths, with dense kernels.
 //!
-//! The supernodes of a block come one after the other: with prepared nodes `W` is 0.04 to 0.11 ms of a step, too little to wake
-//! other threads for; what is parallel are blocks.
+//! The supernodes of a block come one after the other; blocks are solved side by side, and within a block the products of
+//! large supernodes are ([`half_front`]).
 
-use faer::linalg::matmul::matmul;
-use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
-use faer::prelude::{Reborrow, ReborrowMut};
-use faer::{Accum, MatMut, Par};
+use faer::MatMut;
 
+use super::half_front;
 use super::numeric::Factor;
 use super::symbolic::SymbolicFactor;
 use crate::nodal_rows::NodalRows;
@@ -143,21 +141,9 @@ impl HalfBlock {
         let base = self.base[s] as usize;
 
         let own = &mut self.half[base * stride..(base + width) * stride];
-        let mut own =
-            MatMut::from_column_major_slice_with_stride_mut(own, stride, width, stride).subrows_mut(from, rows);
-        solve_lower_triangular_in_place(top, own.rb_mut().transpose_mut(), Par::Seq);
-        if below.nrows() == 0 {
-            return;
-        }
+        let own = MatMut::from_column_major_slice_with_stride_mut(own, stride, width, stride).subrows_mut(from, rows);
         let update = &mut self.update[..rows * below.nrows()];
-        matmul(
-            MatMut::from_column_major_slice_mut(&mut *update, rows, below.nrows()),
-            Accum::Replace,
-            own.rb(),
-            below.transpose(),
-            1.0,
-            Par::Seq,
-        );
+        half_front::eliminate(top, below, own, MatMut::from_column_major_slice_mut(&mut *update, rows, below.nrows()));
         for (&dof, update) in supernode.pattern().iter().zip(update.chunks_exact(rows)) {
             let above = tree.owner(dof as usize);
             let column = self.base[above] as usize + dof as usize - tree.columns(above).start;

@@ -19,6 +19,7 @@ mod correct;
 mod front;
 mod gram;
 mod half_block;
+mod half_front;
 mod left_looking;
 mod low_rank;
 mod multifrontal;

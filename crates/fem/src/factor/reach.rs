@@ -5,7 +5,8 @@
 //! supernodes with dense kernels, and `W` needs no backward substitution. The rows are sorted by the first supernode
 //! that they reach: since subtrees are contiguous in elimination order, the rows that have reached a supernode then
 //! lie close together, and only the range from the first to the last of them is computed there. Blocks of sorted rows
-//! are solved side by side on the workers of a pool; how rows are put into blocks depends on their number alone.
+//! are solved side by side on the workers of a pool, and the large supernodes of a block by several of them; how rows are
+//! put into blocks, and how supernodes are cut, depends on sizes alone.
 
 use nalgebra::DMatrixViewMut;
 

@@ -49,6 +49,8 @@ impl Gathering {
             plan: world.plan().to_string(),
             compliance_error: self.compliance_error.percentiles(),
             compliance_errors: self.compliance_error.count(),
+            force_error: self.force_error.percentiles(),
+            force_errors: self.force_error.count(),
             correction_iterations: self.correction_iterations.percentiles(),
             overlap: self.overlap,
             factors_early: self.early,

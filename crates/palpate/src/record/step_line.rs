@@ -74,6 +74,7 @@ impl StepLine {
             tool_opening: report.tool.opening,
             rung: report.rung.map_or(-1, |rung| rung as i32),
             lower_error: report.error.lower,
+            force_error: report.error.of_forces(),
         });
         for (body, placement) in placements(world, &state.rigid).enumerate() {
             let (position, orientation, velocity, angular_velocity) = placement;

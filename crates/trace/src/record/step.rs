@@ -120,5 +120,8 @@ record! {
         36 => lower_error: f64, "";
         /// Angle between the tool's jaws that the step used (rad); 0 for a tool without.
         37 => tool_opening: f64, "rad";
+        /// The relative error of the contact forces, by what their laws miss and by the column that was compared: what an
+        /// accuracy is held against. `None` where neither was measured, and in traces of before it was kept.
+        38 => force_error: Option<f64>, "";
     }
 }

@@ -95,6 +95,7 @@ pub(crate) fn step(step: u64) -> StepRecord {
         sampled_row: 4,
         correction_iterations: 6,
         overlap: 2e-5,
+        force_error: (step > 2).then_some(0.01),
         ..StepRecord::default()
     }
 }
