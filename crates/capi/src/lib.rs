@@ -18,7 +18,7 @@ mod status;
 mod surface;
 
 pub use input::*;
-pub use options::{Options, PALPATE_OPTION_OBSERVE_ENERGY_ONLY};
+pub use options::{Options, PALPATE_OPTION_NO_DELAY, PALPATE_OPTION_OBSERVE_ENERGY_ONLY};
 pub use output::*;
 pub use port::*;
 pub use simulation::*;
