@@ -6,6 +6,7 @@
 
 // The border to C is made of pointers from C.
 #![allow(unsafe_code)]
+#![cfg_attr(rtsan, feature(sanitize))]
 
 mod input;
 mod layout;
