@@ -89,7 +89,7 @@ fn run(scene: &str) -> Seen {
     let (ticks, over) = (AtomicU64::new(0), AtomicBool::new(false));
     // A port is used from any thread, by one at a time; pointers alone do not say so.
     let (port, begin) = (rig.port as usize, rig.begin);
-    let seen = scope(|scope| {
+    scope(|scope| {
         let driver = scope.spawn(|| {
             let mut seen = Seen::default();
             for index in 0..TICKS {
@@ -131,8 +131,7 @@ fn run(scene: &str) -> Seen {
         rig.simulation = ptr::null_mut();
         let seen = driver.join().expect("a driver that ends");
         Seen { busy: seen.busy + second.busy, ..seen }
-    });
-    seen
+    })
 }
 
 /// Tick `index` of the schedule, on a device whose clock starts at `begin`.
