@@ -298,6 +298,8 @@ int main(int argc, char **argv)
     options.threads = 1;
     options.rate = 1e9 / PERIOD_NS;
     options.max_force = 6.0;
+    options.device_mass = DEVICE_MASS; /* with the damping: the coupling is as stiff as this device bears */
+    options.device_damping = DEVICE_DAMPING;
     for (int i = 0; i < 3; i++) options.axes[i] = i + 1; /* the device's frame is the world's, whatever the scene says */
 
     palpate_simulation *simulation = NULL;

@@ -29,6 +29,15 @@
  *   which may be +infinity. Limits act on what the library sends: a driver that does not call must rely on the watchdog
  *   of its own device.
  *
+ * DEVICE
+ *   A spring K and a damper B join the device and the tool. Where the scene has no [coupling], they follow from what the
+ *   options tell of the device: its mass m, damping b, friction f, resolution d, and delay of n ticks of T seconds.
+ *     B = least of 2 N s/m, max_damping, m / (4 (n + 1/2) T)
+ *     K = least of 1000 N/m, max_stiffness / 2, and of these over 1.2:
+ *         2 sqrt(b B) / ((n + 1/2) T), or (b + B) / ((n + 1/2) T) where b >= B;   2 f / d where f and d are known
+ *   max_stiffness / 2 in proportion at a rate below that of the device's record. A device of which scene and options say
+ *   nothing is the virtual one of the library: tell its own numbers.
+ *
  * DRAWING
  *   Once: palpate_surface_counts, palpate_surface_triangles. In each picture: palpate_surface_positions. The library
  *   copies into the caller's memory; neither ticks nor steps wait for it. One thread draws at a time.
@@ -55,6 +64,11 @@
  The passivity layer keeps its account but does not act on the force.
  */
 #define PALPATE_OPTION_OBSERVE_ENERGY_ONLY (1u << 0)
+
+/*
+ The force of a tick acts within it, whatever the scene says of the device's delay.
+ */
+#define PALPATE_OPTION_NO_DELAY (1u << 1)
 
 /*
  Phase of a simulation that has a port and has not been started.
@@ -356,6 +370,40 @@ typedef struct palpate_options {
      Always 0.
      */
     uint32_t reserved_switches;
+    /*
+     Apparent mass of the device where it is held (kg). It and the four after it describe the device, from which the
+     coupling follows (DEVICE above); the damping that keeps a contact passive is bounded by the mass, too.
+     */
+    double device_mass;
+    /*
+     Viscous damping of the device itself (N s/m), with nobody holding it.
+     */
+    double device_damping;
+    /*
+     Coulomb friction of the device itself (N).
+     */
+    double device_friction;
+    /*
+     Smallest change of position that the device measures (m).
+     */
+    double device_resolution;
+    /*
+     Ticks from the return of palpate_tick to the effect of its force, at most 15. For none at all set
+     PALPATE_OPTION_NO_DELAY.
+     */
+    uint32_t device_delay_ticks;
+    /*
+     Always 0.
+     */
+    uint32_t reserved_delay;
+    /*
+     Speed above which a motion of the device is no hand's (m/s); by default 5.
+     */
+    double jump_speed;
+    /*
+     Length of such a motion, in one tick or several, at which the pose is taken to have jumped (m); by default 0.02.
+     */
+    double jump_distance;
 } palpate_options;
 
 /*

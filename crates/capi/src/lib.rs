@@ -6,6 +6,7 @@
 
 // The border to C is made of pointers from C.
 #![allow(unsafe_code)]
+#![cfg_attr(rtsan, feature(sanitize))]
 
 mod input;
 mod layout;
@@ -18,7 +19,7 @@ mod status;
 mod surface;
 
 pub use input::*;
-pub use options::{Options, PALPATE_OPTION_OBSERVE_ENERGY_ONLY};
+pub use options::{Options, PALPATE_OPTION_NO_DELAY, PALPATE_OPTION_OBSERVE_ENERGY_ONLY};
 pub use output::*;
 pub use port::*;
 pub use simulation::*;

@@ -60,13 +60,34 @@ pub struct Options {
     pub switches: u32,
     /// Always 0.
     pub reserved_switches: u32,
+    /// Apparent mass of the device where it is held (kg). It and the four after it describe the device, from which the
+    /// coupling follows (DEVICE above); the damping that keeps a contact passive is bounded by the mass, too.
+    pub device_mass: f64,
+    /// Viscous damping of the device itself (N s/m), with nobody holding it.
+    pub device_damping: f64,
+    /// Coulomb friction of the device itself (N).
+    pub device_friction: f64,
+    /// Smallest change of position that the device measures (m).
+    pub device_resolution: f64,
+    /// Ticks from the return of palpate_tick to the effect of its force, at most 15. For none at all set
+    /// PALPATE_OPTION_NO_DELAY.
+    pub device_delay_ticks: u32,
+    /// Always 0.
+    pub reserved_delay: u32,
+    /// Speed above which a motion of the device is no hand's (m/s); by default 5.
+    pub jump_speed: f64,
+    /// Length of such a motion, in one tick or several, at which the pose is taken to have jumped (m); by default 0.02.
+    pub jump_distance: f64,
 }
 
 /// The passivity layer keeps its account but does not act on the force.
 pub const PALPATE_OPTION_OBSERVE_ENERGY_ONLY: u32 = 1 << 0;
 
+/// The force of a tick acts within it, whatever the scene says of the device's delay.
+pub const PALPATE_OPTION_NO_DELAY: u32 = 1 << 1;
+
 /// Every switch.
-const SWITCHES: u32 = PALPATE_OPTION_OBSERVE_ENERGY_ONLY;
+const SWITCHES: u32 = PALPATE_OPTION_OBSERVE_ENERGY_ONLY | PALPATE_OPTION_NO_DELAY;
 
 // SAFETY: repr(C), numbers and a pointer that is only looked at where its text is wanted; LEAST is the offset of a field.
 unsafe impl Layout for Options {
@@ -95,6 +116,14 @@ unsafe impl Layout for Options {
             energy_allowance: 0.0,
             switches: 0,
             reserved_switches: 0,
+            device_mass: 0.0,
+            device_damping: 0.0,
+            device_friction: 0.0,
+            device_resolution: 0.0,
+            device_delay_ticks: 0,
+            reserved_delay: 0,
+            jump_speed: 0.0,
+            jump_distance: 0.0,
         }
     }
 }
@@ -109,7 +138,7 @@ impl Options {
                 "switches: this library does not know {unknown:#x}; use a newer one, or leave it out"
             ));
         }
-        if self.reserved != 0 || self.reserved_switches != 0 {
+        if [self.reserved, self.reserved_switches, self.reserved_delay] != [0; 3] {
             return refused("reserved: not 0; set the whole struct to zero before you fill it in".into());
         }
         if self.axes == [0; 3] && self.origin != [0.0; 3] {
@@ -117,10 +146,20 @@ impl Options {
                 "origin: counts only with axes; give axes = 1, 2, 3 for a device that stands as the world".into(),
             );
         }
+        if self.has(PALPATE_OPTION_NO_DELAY) && self.device_delay_ticks != 0 {
+            return refused(format!(
+                "device_delay_ticks: {} with PALPATE_OPTION_NO_DELAY; give one of them",
+                self.device_delay_ticks
+            ));
+        }
         if self.threads as usize > MOST_THREADS {
             return refused(format!("threads: {} is above {MOST_THREADS}; give 0 for all cores", self.threads));
         }
         Ok(())
+    }
+
+    fn has(&self, switch: u32) -> bool {
+        self.switches & switch != 0
     }
 
     /// What the scene is changed by. A number that is not finite or negative is refused where it is checked.
@@ -137,13 +176,17 @@ impl Options {
                 Some(PlaceConfig { origin: self.origin, axes: directions })
             }
         };
+        let delay = match self.device_delay_ticks {
+            0 => self.has(PALPATE_OPTION_NO_DELAY).then_some(0),
+            ticks => Some(ticks as usize),
+        };
         Ok(PortConfig {
             rate: given(self.rate),
             max_force: given(self.max_force),
             max_torque: given(self.max_torque),
             max_power: given(self.max_power),
             energy_allowance: given(self.energy_allowance),
-            passivity: (self.switches & PALPATE_OPTION_OBSERVE_ENERGY_ONLY != 0).then_some(false),
+            passivity: self.has(PALPATE_OPTION_OBSERVE_ENERGY_ONLY).then_some(false),
             max_stiffness: given(self.max_stiffness),
             max_damping: given(self.max_damping),
             force_slew: given(self.force_slew),
@@ -152,6 +195,13 @@ impl Options {
             stale_after: given(self.stale_after),
             stale_zero: given(self.stale_zero),
             gap: given(self.gap),
+            jump_speed: given(self.jump_speed),
+            jump_distance: given(self.jump_distance),
+            device_mass: given(self.device_mass),
+            device_damping: given(self.device_damping),
+            device_friction: given(self.device_friction),
+            device_resolution: given(self.device_resolution),
+            device_delay_ticks: delay,
             place,
         })
     }

@@ -81,6 +81,7 @@ fn answer(port: &mut SessionPort, input: Result<Input, Status>) -> (Output, Stat
 /// # Safety
 /// `port` is NULL or was opened and not closed; `input` and `output` are NULL or structs whose struct_size is right.
 #[unsafe(no_mangle)]
+#[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
 pub unsafe extern "C" fn palpate_tick(port: *const Port, input: *const Input, output: *mut Output) -> Status {
     // A force that cannot arrive must not be taken for sent.
     // SAFETY: as the caller promises.

@@ -46,9 +46,22 @@ fn options_out_of_their_range_are_refused_by_name() {
         (Options { origin: [0.1, 0.0, 0.0], ..options() }, "origin: ", "axes"),
         (Options { threads: 1025, ..options() }, "threads: ", "1024"),
         (Options { threads: u32::MAX, ..options() }, "threads: ", "1024"),
-        (Options { switches: 0xff, ..options() }, "switches: ", "0xfe"),
+        (Options { switches: 0xff, ..options() }, "switches: ", "0xfc"),
         (Options { reserved: 1, ..options() }, "reserved: ", "zero"),
         (Options { reserved_switches: 1, ..options() }, "reserved: ", "zero"),
+        (Options { reserved_delay: 1, ..options() }, "reserved: ", "zero"),
+        (Options { device_mass: -0.1, ..options() }, "device_mass: ", "mass [kg]"),
+        (Options { device_damping: f64::NAN, ..options() }, "device_damping: ", "NaN"),
+        (Options { device_friction: -1.0, ..options() }, "device_friction: ", "friction [N]"),
+        (Options { device_resolution: f64::INFINITY, ..options() }, "device_resolution: ", "resolution [m]"),
+        (Options { device_delay_ticks: 16, ..options() }, "device_delay_ticks: ", "0 to 15"),
+        (
+            Options { device_delay_ticks: 1, switches: PALPATE_OPTION_NO_DELAY, ..options() },
+            "device_delay_ticks: ",
+            "one of them",
+        ),
+        (Options { jump_speed: -1.0, ..options() }, "jump_speed: ", "[m/s]"),
+        (Options { jump_distance: f64::NAN, ..options() }, "jump_distance: ", "NaN"),
         (Options { trace: c"".as_ptr(), ..options() }, "trace: ", "NULL"),
     ];
     for (options, name, word) in refused {

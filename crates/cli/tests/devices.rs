@@ -85,6 +85,32 @@ fn a_scene_on_hardware_feels_the_body_and_its_trace_replays_to_the_bit_and_as_a_
     assert!(norm(gap) < 1e-3 && end.force[2] > 0.05, "{gap:?} {:?}", end.force);
 }
 
+/// What is lost is told, and the device is not there meanwhile.
+#[test]
+fn a_damaged_trace_is_a_device_with_a_gap() {
+    let place = Place::with(&SCENE.replace("time = 1.0", "time = 4.0"));
+    let output = run(&folder(&place), "run scene.toml --seconds 4 --lockstep --quiet", &[]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut bytes = place.read("small.mcap");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 0x10;
+    std::fs::write(place.path("torn.mcap"), &bytes).unwrap();
+    let (left, damage) = Trace::recover(place.path("torn.mcap")).unwrap();
+    assert!(damage.is_some() && left.ticks.len() < 4000, "{} ticks left", left.ticks.len());
+    let scene = place.text("scene.toml") + "\n[device]\nkind = \"replay\"\ntrace = \"torn.mcap\"\n";
+    std::fs::write(place.path("again.toml"), scene).unwrap();
+    let output = run(&folder(&place), "run again.toml --seconds 4 --lockstep --trace again.mcap --json", &[]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let notes = summary["notes"].to_string();
+    assert!(["torn.mcap", "damaged", "does not answer"].iter().all(|words| notes.contains(words)), "{notes}");
+    let again = Trace::load(place.path("again.mcap")).unwrap();
+    let lost = |tick: u64| left.ticks.iter().all(|left| left.tick != tick);
+    for tick in &again.ticks {
+        assert_eq!(tick.flags.contains(TickFlags::DEVICE_MISSING), lost(tick.tick), "tick {}", tick.tick);
+    }
+}
+
 #[test]
 fn hardware_that_is_unplugged_in_mid_run_gets_no_force_and_the_run_ends_in_order() {
     let Some(place) = place() else { return };
@@ -139,7 +165,7 @@ fn devices_are_listed_with_why_not_for_those_that_are_not_found() {
     assert!(line("virtual").contains("built in") && line("scripted").contains("built in"));
     assert!(line("port").contains("C library") && line("replay").contains("trace"));
     assert!(line("force_dimension").contains(" found ") && line("force_dimension").contains("1 connected"));
-    assert!(line("openhaptics").contains("not found") && line("openhaptics").contains("nowhere.so"));
+    assert!(line("openhaptics").contains("not found") && line("openhaptics").contains("there is no file ./nowhere.so"));
     assert!(line("haply").contains("not found") && line("haply").contains("refused"));
     // A name without a folder is that of the file in this one.
     let output = run(&folder(&place), "devices --dhd libdhd.so --hd nowhere.so --haply ws://127.0.0.1:1", &[]);

@@ -253,6 +253,33 @@ mod interrupt {
         }
     }
 
+    /// Whether a program has its own handler for INT.
+    #[cfg(target_os = "linux")]
+    fn handles_int(child: &Child) -> bool {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap_or("0").trim();
+        u64::from_str_radix(mask, 16).unwrap() >> 1 & 1 == 1
+    }
+
+    /// It tells how far it came. The signal finds it reading its trace, so that it ends before its first step.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn of_a_replay() {
+        let place = Place::new();
+        let run = place.run("run scene.toml --seconds 10 --lockstep --quiet");
+        assert_eq!(run.code, Some(0), "{run:?}");
+        let mut child = place.command("replay small.mcap").stdout(Stdio::piped()).spawn().unwrap();
+        while !handles_int(&child) {
+            assert!(child.try_wait().unwrap().is_none(), "the replay ended by itself");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        assert!(killed.success());
+        let replay = program_runs::Outcome::new(child.wait_with_output().unwrap());
+        assert_eq!(replay.code, Some(130), "{replay:?}");
+        assert!(replay.out.contains("interrupted after") && replay.out.contains("of 10000 ticks"), "{replay:?}");
+    }
+
     /// What was written before the end can be replayed.
     #[test]
     fn a_run_that_was_killed() {

@@ -10,12 +10,12 @@ use thiserror::Error;
 pub enum DriverError {
     /// No library could be loaded.
     #[error(
-        "the library of {vendor} cannot be loaded ({tried}); install the vendor's SDK, or name the file by {remedy}"
+        "the library of {vendor} cannot be loaded: {tried}; install the vendor's SDK, or name the file by {remedy}"
     )]
     Library {
         /// Whose it is.
         vendor: &'static str,
-        /// Each file that was tried, and what the system said.
+        /// The files that were tried: where they were looked for, or what the system said of one that is there.
         tried: String,
         /// Where to name the file.
         remedy: &'static str,

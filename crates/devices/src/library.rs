@@ -40,10 +40,10 @@ impl VendorLibrary {
             // SDK in order to run it in this program.
             match unsafe { libloading::Library::new(file.as_os_str()) } {
                 Ok(library) => return Ok(Self { library, path: file.into(), vendor: origin.vendor }),
-                Err(error) => tried.push(format!("{}: {}", path.display(), full_text(&error))),
+                Err(error) => tried.push((file.to_path_buf(), full_text(&error))),
             }
         }
-        Err(DriverError::Library { vendor: origin.vendor, tried: tried.join("; "), remedy: origin.remedy })
+        Err(DriverError::Library { vendor: origin.vendor, tried: told(&tried), remedy: origin.remedy })
     }
 
     /// A function of the library.
@@ -61,6 +61,38 @@ impl VendorLibrary {
             reason: full_text(&error),
         })
     }
+}
+
+/// Where the system's loader looks for a file without a folder.
+const SEARCHED: &str = if cfg!(windows) {
+    "the program's folder, the system's and those of PATH"
+} else if cfg!(target_os = "macos") {
+    "DYLD_LIBRARY_PATH, /usr/local/lib and /usr/lib"
+} else {
+    "LD_LIBRARY_PATH and the folders of ldconfig"
+};
+
+/// What was tried, in one sentence: files with what the system said of them.
+fn told(tried: &[(PathBuf, String)]) -> String {
+    let (mut absent, mut parts) = (Vec::new(), Vec::new());
+    for (file, said) in tried {
+        let name = file.display().to_string();
+        let bare = file.parent().is_none_or(|folder| folder.as_os_str().is_empty());
+        // The loader's words for a file that is not there, and not for one that this file needs.
+        if bare && said.contains(&format!("{name}: cannot open shared object file: No such file")) {
+            absent.push(name);
+        } else if !bare && !file.exists() {
+            parts.push(format!("there is no file {name}"));
+        } else {
+            let said = said.strip_prefix("dlopen failed: ").unwrap_or(said);
+            let reason = said.strip_prefix(&format!("{name}: ")).unwrap_or(said);
+            parts.push(format!("{name}: {reason}"));
+        }
+    }
+    if !absent.is_empty() {
+        parts.push(format!("no {} in {SEARCHED}", absent.join(", ")));
+    }
+    parts.join("; ")
 }
 
 /// A text of the library; `None` for NULL.
@@ -100,4 +132,27 @@ fn full_text(error: &dyn std::error::Error) -> String {
         cause = next.source();
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::told;
+
+    #[test]
+    fn names_that_are_nowhere_are_one_part_and_a_file_that_is_there_keeps_its_reason() {
+        let absent = |name: &str| {
+            let said = format!("dlopen failed: {name}: cannot open shared object file: No such file or directory");
+            (name.into(), said)
+        };
+        let text = told(&[absent("libone.so.3"), absent("libone.so")]);
+        assert!(text.starts_with("no libone.so.3, libone.so in ") && !text.contains("cannot open"), "{text}");
+        let needs = "dlopen failed: libusb.so: cannot open shared object file: No such file or directory";
+        let text = told(&[("libone.so".into(), needs.into()), absent("libtwo.so")]);
+        assert!(text.starts_with("libone.so: libusb.so: cannot open") && text.contains("; no libtwo.so in "), "{text}");
+        let text = told(&[("/no/such/libone.so".into(), String::new())]);
+        assert_eq!(text, "there is no file /no/such/libone.so");
+        let here = env!("CARGO_MANIFEST_PATH");
+        let text = told(&[(here.into(), format!("dlopen failed: {here}: invalid ELF header"))]);
+        assert_eq!(text, format!("{here}: invalid ELF header"));
+    }
 }

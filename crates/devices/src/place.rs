@@ -145,6 +145,10 @@ impl HapticDevice for Placed {
         self.device.note()
     }
 
+    fn warning(&self) -> Option<&str> {
+        self.device.warning()
+    }
+
     fn read(&mut self, tick: TickTime) -> Result<DeviceSample, DeviceError> {
         self.device.read(tick).map(|sample| self.place.sample(&sample))
     }

@@ -2,13 +2,13 @@
 //!
 //! At the recorded times the recorded numbers come back to the bit; between two of them position, velocity and gripper are
 //! joined by straight lines and orientation along the shortest arc. A time before the first pose gets the first, one
-//! after the last gets the last, at rest. Where the recorded device had not answered, this one does not either. Poses of a
-//! trace are in the world, and are not placed again.
+//! after the last gets the last, at rest. Where the recorded device had not answered, this one does not either, nor where a
+//! damaged trace has lost what it did. Poses of a trace are in the world, and are not placed again.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, HapticDevice, TickTime};
 use palpate_haptics::wrench::{Twist, Wrench};
-use palpate_trace::{TickFlags, TickRecord, Trace};
+use palpate_trace::{TickFlags, TickRecord, Trace, TraceError};
 
 use crate::error::DriverError;
 use crate::{Driver, DriverConfig, Opened};
@@ -57,6 +57,8 @@ pub struct ReplayDevice {
     /// The latest moment that is not after the latest tick.
     at: usize,
     open: bool,
+    /// What the trace has lost.
+    warning: Option<String>,
 }
 
 impl ReplayDevice {
@@ -69,7 +71,26 @@ impl ReplayDevice {
             moments,
             at: 0,
             open: true,
+            warning: None,
         })
+    }
+
+    /// The same from what is left of a trace, and what `damage` there is. Between ticks that do not follow each other in a
+    /// damaged trace it does not answer: nobody knows where the device was.
+    fn of(trace: &Trace, damage: Option<&TraceError>) -> Option<Self> {
+        let device = Self::new(&trace.ticks)?;
+        let Some(damage) = damage else { return Some(device) };
+        let mut moments = Vec::with_capacity(device.moments.len());
+        for (k, moment) in device.moments.iter().enumerate() {
+            moments.push(*moment);
+            if trace.ticks.get(k + 1).is_some_and(|next| next.tick > trace.ticks[k].tick + 1) {
+                moments.push(Moment { time_ns: moment.time_ns + 1, answered: false, ..*moment });
+            }
+        }
+        let (left, silent) = (trace.ticks.len(), moments.len() > trace.ticks.len());
+        let gaps = if silent { ", and does not answer where some are lost" } else { "" };
+        let warning = Some(format!("{damage}; the device does again the {left} poses that are left{gaps}"));
+        Some(Self { moments, warning, ..device })
     }
 
     /// Where it was at `time` (s).
@@ -113,23 +134,36 @@ fn between(a: &Moment, b: &Moment, s: f64) -> (Isometry3<f64>, Twist, f64) {
     (Isometry3::from_parts(Translation3::from(position), rotation), velocity, gripper)
 }
 
-fn open(config: &DriverConfig) -> Opened {
+/// The device of the trace that is named, whole or damaged.
+fn recorded(config: &DriverConfig) -> Result<ReplayDevice, DriverError> {
     let path = config.trace.as_ref().ok_or(DriverError::NoTrace)?;
-    let trace = Trace::load(path)?;
-    let device = ReplayDevice::new(&trace.ticks).ok_or_else(|| DriverError::EmptyTrace { path: path.clone() })?;
-    Ok(Box::new(device))
+    let (trace, damage) = Trace::recover(path)?;
+    match (ReplayDevice::of(&trace, damage.as_ref()), damage) {
+        (Some(device), _) => Ok(device),
+        (None, Some(damage)) => Err(damage.into()),
+        (None, None) => Err(DriverError::EmptyTrace { path: path.clone() }),
+    }
+}
+
+fn open(config: &DriverConfig) -> Opened {
+    Ok(Box::new(recorded(config)?))
 }
 
 fn probe(config: &DriverConfig) -> Result<String, DriverError> {
-    let path = config.trace.as_ref().ok_or(DriverError::NoTrace)?;
-    let trace = Trace::load(path)?;
-    let last = trace.ticks.last().map_or(0, |tick| tick.time_ns);
-    Ok(format!("{} poses, {:.2} s", trace.ticks.len(), last as f64 * 1e-9))
+    let ReplayDevice { moments, warning, .. } = recorded(config)?;
+    let poses = moments.iter().filter(|moment| moment.answered).count();
+    let last = moments.last().map_or(0, |moment| moment.time_ns);
+    let damage = warning.map(|warning| format!("; {warning}")).unwrap_or_default();
+    Ok(format!("{poses} poses, {:.2} s{damage}", last as f64 * 1e-9))
 }
 
 impl HapticDevice for ReplayDevice {
     fn spec(&self) -> &DeviceSpec {
         &self.spec
+    }
+
+    fn warning(&self) -> Option<&str> {
+        self.warning.as_deref()
     }
 
     fn read(&mut self, tick: TickTime) -> Result<DeviceSample, DeviceError> {
@@ -190,6 +224,23 @@ mod tests {
         device.close();
         assert_eq!(position(&mut device, 2e-3), Err(DeviceError::Closed));
         assert!(ReplayDevice::new(&ticks[1..2]).is_none());
+    }
+
+    #[test]
+    fn where_a_damaged_trace_has_lost_what_the_device_did_it_does_not_answer() {
+        let sound = |index: u64| TickRecord { tick: index, ..tick(1_000_000 * index, 0.1, TickFlags::default()) };
+        let trace = Trace { ticks: [3, 4, 7, 8].map(sound).into(), ..Trace::default() };
+        let whole = |time| position(&mut ReplayDevice::of(&trace, None).unwrap(), time);
+        assert_eq!(whole(5e-3), Ok(0.1), "records that were dropped are bridged");
+        let damage = TraceError::Undescribed { path: "torn.mcap".into() };
+        let mut device = ReplayDevice::of(&trace, Some(&damage)).unwrap();
+        let told = device.warning().unwrap();
+        assert!(
+            told.starts_with("torn.mcap: ") && told.contains("4 poses") && told.contains("does not answer"),
+            "{told}"
+        );
+        let answers = [0.0, 3e-3, 4e-3, 4.5e-3, 6e-3, 7e-3, 7.5e-3].map(|time| position(&mut device, time).is_ok());
+        assert_eq!(answers, [true, true, true, false, false, true, true]);
     }
 
     #[test]

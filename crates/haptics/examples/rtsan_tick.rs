@@ -5,7 +5,7 @@
 //! `Tick::tick` and its two companions are marked `nonblocking` under `cfg(rtsan)`; the sanitizer then stops the
 //! program at the first allocation, lock or system call inside them and prints the stack:
 //! ```text
-//! RUSTC_BOOTSTRAP=1 RUSTFLAGS="-Zsanitizer=realtime --cfg rtsan" cargo run --release -p palpate-haptics \
+//! RUSTC_BOOTSTRAP=1 RUSTFLAGS="-Zsanitizer=realtime --cfg rtsan" cargo run --profile sanitized -p palpate-haptics \
 //!     --example rtsan_tick --target x86_64-unknown-linux-gnu --target-dir target/rtsan
 //! ```
 //! With `-- provoke` it allocates in such a function first, which must stop the program: the sanitizer is there.

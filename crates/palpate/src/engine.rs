@@ -50,11 +50,12 @@ impl<'w> Engine<'w> {
         let scene = &world.description().device;
         // A record that the scene states is what counts.
         let note = device.note().filter(|_| scene.record.is_none() && scene.preset.is_none()).map(String::from);
+        let warning = device.warning().map(String::from);
         let first = crate::devices::first_pose(world, device.as_mut());
         let mut engine = Self::with_tick(world, options, &spec, first, NoTrace::GoesOn, |ends| {
             Ticker::new(world, device, ends.snapshots, ends.poses, ends.line)
         })?;
-        engine.notes.extend(note);
+        engine.notes.extend(warning.into_iter().chain(note));
         Ok(engine)
     }
 }

@@ -14,6 +14,7 @@
 //! println!("largest force {:.2} N", outcome.summary.largest_force);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+#![cfg_attr(rtsan, feature(sanitize))]
 
 pub mod changes;
 pub mod counted;

@@ -89,6 +89,16 @@ pub enum TraceError {
         /// What ended the reading behind them, where it was not the end of the file.
         end: Option<Box<TraceError>>,
     },
+    /// What the channels hold was told in a damaged part alone.
+    #[error(
+        "{}: the damaged part told what the messages behind it are, and the file has no whole end that tells it again: they \
+         cannot be read",
+        path.display()
+    )]
+    Undescribed {
+        /// The file.
+        path: PathBuf,
+    },
     /// A message does not hold what its schema says.
     #[error("{}: message {sequence} of {topic}: {source}", path.display())]
     Message {

@@ -18,6 +18,7 @@
 //! SI units; `f64` fields are doubles in the file, so a replay compares forces to the bit. The unit of each field is
 //! in the metadata of its channel. Log time is `TraceConfig::start_unix_ns` plus the `time_ns` of the record.
 
+mod announced;
 mod chunk;
 mod config;
 mod container;

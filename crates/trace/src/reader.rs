@@ -9,6 +9,7 @@ use mcap::McapError;
 use mcap::records::{Record as McapRecord, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
+use crate::announced::channels;
 use crate::chunk::{times, unpack};
 use crate::config::Attachment;
 use crate::error::{LostPart, TraceError};
@@ -83,6 +84,9 @@ pub struct TraceReader<R = File> {
     events: VecDeque<Result<TraceEvent, EventError>>,
     /// A chunk was damaged.
     lossy: bool,
+    /// The file once more, for what its end tells.
+    file: Option<File>,
+    length: u64,
     limit: usize,
     schemas: HashMap<u16, String>,
     channels: HashMap<u16, ReadChannel>,
@@ -101,7 +105,7 @@ impl TraceReader {
         let path = path.as_ref();
         let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
         let (length, file) = opened.map_err(|source| TraceError::Read { path: path.into(), source })?;
-        Ok(Self::new(file, length, path))
+        Ok(Self { file: File::open(path).ok(), ..Self::new(file, length, path) })
     }
 }
 
@@ -123,6 +127,8 @@ impl<R: Read> TraceReader<R> {
             place: mcap::MAGIC.len() as u64,
             events: VecDeque::new(),
             lossy: false,
+            file: None,
+            length,
             limit,
             schemas: HashMap::new(),
             channels: HashMap::new(),
@@ -169,6 +175,14 @@ impl<R: Read> TraceReader<R> {
                         };
                         self.events.clear();
                         self.lossy = true;
+                        // The first chunk alone tells what the channels hold, but for the summary.
+                        if let Some(mut file) = self.file.take() {
+                            for known in channels(&mut file, self.length, self.limit) {
+                                let content = content(known.schema.as_ref());
+                                let new = ReadChannel { topic: known.topic, content, messages: 0 };
+                                tables.channels.entry(known.id).or_insert(new);
+                            }
+                        }
                         let part = LostPart { offset, length, time_ns: times(data, *tables.start_unix_ns) };
                         return Err(TraceError::Parts {
                             path: self.path.clone(),
@@ -194,6 +208,7 @@ impl<R: Read> TraceReader<R> {
     fn told(&self, error: EventError) -> TraceError {
         let path = self.path.clone();
         match error {
+            EventError::Mcap(McapError::UnknownChannel(..)) if self.lossy => TraceError::Undescribed { path },
             EventError::Mcap(source) => TraceError::Damaged { path, offset: self.offset, source },
             EventError::Message { topic, sequence, source } => TraceError::Message { path, topic, sequence, source },
         }

@@ -98,6 +98,59 @@ fn a_damaged_chunk_is_told_by_its_times_and_the_others_are_read() {
     assert!(parts.len() == 2 && fewer.ticks.len() < left.ticks.len(), "{told}");
 }
 
+/// Where the data of the first chunk begins, and its length: behind the magic each record has its kind and its length.
+fn first_chunk(bytes: &[u8]) -> (usize, usize) {
+    const CHUNK: u8 = 0x06;
+    let mut place = 8;
+    loop {
+        let length = u64::from_le_bytes(bytes[place + 1..place + 9].try_into().unwrap()) as usize;
+        if bytes[place] == CHUNK {
+            return (place + 9, length);
+        }
+        place += 9 + length;
+    }
+}
+
+/// The first chunk alone tells what the channels hold, but for the end of the file.
+#[test]
+fn a_trace_whose_first_chunk_is_lost_is_read_by_what_its_end_tells() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("first.mcap");
+    let (mut trace, mut ticks, mut steps, mut factors) =
+        InlineTrace::with_sink(Cursor::new(Vec::new()), &sample::config()).unwrap();
+    for k in 0..90 {
+        sample::push_step(k, &mut ticks, &mut steps, &mut factors);
+        trace.drain();
+    }
+    let mut bytes = trace.finish_into_sink().0.unwrap().into_inner();
+    let (whole, _) = read(&bytes);
+    let (place, length) = first_chunk(&bytes);
+    bytes[place + length / 2] ^= 0x10;
+    std::fs::write(&path, &bytes).unwrap();
+    let (left, damage) = Trace::recover(&path).unwrap();
+    let told = damage.as_ref().unwrap().to_string();
+    let Some(TraceError::Parts { parts, end: None, .. }) = damage else { panic!("{told}") };
+    assert_eq!(parts.len(), 1, "{told}");
+    let lost = whole.ticks.len() - left.ticks.len();
+    assert!(left.ticks.len() > 1000, "{lost} lost, {} left", left.ticks.len());
+    let samples =
+        |ticks: &[TickRecord]| -> Vec<_> { ticks.iter().map(|t| (t.tick, t.force.map(f64::to_bits))).collect() };
+    assert!(samples(&left.ticks) == samples(&whole.ticks[lost..]), "what is left is what was written");
+    let numbers = |trace: &Trace| -> Vec<u64> { trace.steps.iter().map(|step| step.step).collect() };
+    assert!(!left.steps.is_empty() && numbers(&whole).ends_with(&numbers(&left)));
+    // The bytes alone, read once from start to end, do not tell it in time.
+    let (blind, damage) = read(&bytes);
+    assert!(damage.unwrap().to_string().contains("no whole end") && blind.ticks.is_empty());
+
+    // Of a run that was killed there is no end to tell it.
+    std::fs::write(&path, &bytes[..bytes.len() * 9 / 10]).unwrap();
+    let (left, damage) = Trace::recover(&path).unwrap();
+    let told = damage.as_ref().unwrap().to_string();
+    let Some(TraceError::Parts { end: Some(end), .. }) = damage else { panic!("{told}") };
+    assert!(matches!(*end, TraceError::Undescribed { .. }) && told.contains("no whole end"), "{told}");
+    assert!(left.ticks.is_empty());
+}
+
 #[test]
 fn noise_is_an_error() {
     // xorshift64* noise, also behind a valid beginning.

@@ -22,7 +22,7 @@ const GUARDS: &[Guard] = &[
     Guard { name: "program", what: "the program runs a scene and writes what it says", run: program },
     Guard { name: "embed", what: "the C example builds by its Makefile and runs", run: embed },
     Guard { name: "trace", what: "an independent reader decodes the trace", run: trace },
-    Guard { name: "realtime", what: "RealtimeSanitizer finds nothing in the tick", run: realtime },
+    Guard { name: "realtime", what: "RealtimeSanitizer finds nothing in the tick and in palpate_tick", run: realtime },
     Guard { name: "loom", what: "every order of two threads hands values over whole", run: crate::loom::check },
 ];
 
@@ -176,15 +176,27 @@ fn trace() -> Outcome {
     )
 }
 
-/// Runs the tick under RealtimeSanitizer, which ships with the toolchain for Linux on x86-64.
+/// Runs the tick, and a driver on the C library with all its threads, under RealtimeSanitizer, which ships with the
+/// toolchain for Linux on x86-64.
 fn realtime() -> Outcome {
     const TARGET: &str = "x86_64-unknown-linux-gnu";
+    const FOLDER: &str = "target/rtsan";
     if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
         println!("skipped: RealtimeSanitizer is not part of the toolchain for this machine");
         return Ok(());
     }
-    let mut command = cargo(&["run", "--release", "--package", "palpate-haptics", "--example", "rtsan_tick"]);
-    command.args(["--target", TARGET, "--target-dir", "target/rtsan"]);
+    // One command for both packages, so that their features are one set and nothing is compiled twice.
+    let mut command = cargo(&["build", "--profile", "sanitized", "--target", TARGET, "--target-dir", FOLDER]);
+    command.args(["--package", "palpate-haptics", "--example", "rtsan_tick"]);
+    command.args(["--package", "palpate-capi", "--example", "rtsan_driver"]);
     // The sanitizer is an unstable flag of a stable compiler; the variable admits it for this build alone.
-    execute(command.env("RUSTC_BOOTSTRAP", "1").env("RUSTFLAGS", "-Zsanitizer=realtime --cfg rtsan"))
+    execute(command.env("RUSTC_BOOTSTRAP", "1").env("RUSTFLAGS", "-Zsanitizer=realtime --cfg rtsan"))?;
+    let programs = root().join(FOLDER).join(TARGET).join("sanitized/examples");
+    // What it must find: that it is there.
+    let mut provoked = Command::new(programs.join("rtsan_tick"));
+    let provoked = provoked.arg("provoke").output().map_err(|e| format!("rtsan_tick provoke: {e}"))?;
+    if provoked.status.success() || !String::from_utf8_lossy(&provoked.stderr).contains("RealtimeSanitizer") {
+        return Err("an allocation in a real-time function went unseen".into());
+    }
+    ["rtsan_tick", "rtsan_driver"].iter().try_for_each(|name| execute(&mut Command::new(programs.join(name))))
 }

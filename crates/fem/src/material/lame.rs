@@ -112,6 +112,25 @@ pub enum MaterialError {
     },
 }
 
+impl MaterialError {
+    /// The key of a description that holds the value, from the material on, with dots: `viscosity.1.time`. `None` where it
+    /// is no single one.
+    #[must_use]
+    pub fn key(&self) -> Option<String> {
+        match self {
+            Self::Young(_) => Some("young".into()),
+            Self::Poisson(_) => Some("poisson".into()),
+            Self::ShearModulus(_) => Some("mu".into()),
+            Self::VolumeModulus { .. } => Some("k0".into()),
+            Self::OutOfRange { name, .. } => Some((*name).into()),
+            Self::PronyModulus { term, .. } => Some(format!("viscosity.{term}.modulus")),
+            Self::PronyTime { term, .. } => Some(format!("viscosity.{term}.time")),
+            Self::PronySum(_) | Self::NoViscosity(_) => Some("viscosity".into()),
+            Self::ParameterSet { .. } => None,
+        }
+    }
+}
+
 /// Largest Young's modulus (Pa): a thousand times that of diamond, and far from where products of it leave the range of f64.
 const STIFFEST: f64 = 1e15;
 

@@ -96,6 +96,11 @@ pub trait HapticDevice: Send {
         None
     }
 
+    /// What a user should know of it whatever the scene states: what it has lost of what it was to do.
+    fn warning(&self) -> Option<&str> {
+        None
+    }
+
     /// Measures pose and switches.
     ///
     /// # Errors

@@ -35,6 +35,15 @@ pub(super) struct Elapsed {
     pub(super) age: f64,
 }
 
+/// When a tick is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct TickMoment {
+    /// By the driver's clock.
+    pub(super) time: TickTime,
+    /// Since the tick before.
+    pub(super) elapsed: Elapsed,
+}
+
 impl Tick {
     /// Notices a new snapshot, or lets the one in use age.
     pub(super) fn take_over(

@@ -44,7 +44,7 @@ pub use local::TickWorkspace;
 pub use patch::PatchTickConfig;
 pub use state::TickState;
 
-use course::Elapsed;
+use course::TickMoment;
 use grip::is_sound;
 use local::Local;
 use patch::PatchMemory;
@@ -175,7 +175,7 @@ impl Tick {
         let gripper = self.grip(state, local.gripper, dt, &mut flags);
         let swapped = flags.contains(TickFlags::NEW_SNAPSHOT);
         let jump = outgoing.filter(|_| swapped).map_or(0.0, |before| (local.wrench.force - before).norm());
-        let record = record(state, snapshot, (time, elapsed), sent, &local, jump, flags);
+        let record = record(state, snapshot, TickMoment { time, elapsed }, sent, &local, jump, flags);
         TickRecord { gripper, ..record }
     }
 
@@ -194,7 +194,7 @@ impl Tick {
         state.device_velocity = Twist::default();
         state.cut();
         state.outgoing = None;
-        let record = record(state, snapshot, (time, elapsed), Wrench::zero(), &Local::EMPTY, 0.0, flags);
+        let record = record(state, snapshot, TickMoment { time, elapsed }, Wrench::zero(), &Local::EMPTY, 0.0, flags);
         let gripper = self.grip(state, 0.0, elapsed.motion, &mut TickFlags::default());
         TickRecord { sampled: false, device_error: Some(error), gripper, ..record }
     }
@@ -228,7 +228,7 @@ fn is_velocity(velocity: &Twist) -> bool {
 fn record(
     state: &TickState,
     snapshot: &HapticSnapshot,
-    (time, elapsed): (TickTime, Elapsed),
+    TickMoment { time, elapsed }: TickMoment,
     sent: Wrench,
     local: &Local,
     force_jump: f64,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::counted::counted;
 use crate::step::StepReport;
-use crate::world::{Ladder, Rung};
+use crate::world::{Ladder, ROOM_FOR_EXACT_STEPS, Rung};
 
 /// Steps in contact by rung, and those that missed the accuracy.
 #[derive(Clone, Debug, Default)]
@@ -36,9 +36,9 @@ impl Climbing {
         let ladder = ladder.filter(|_| self.missed > 0)?;
         let of = self.rungs.values().sum::<u64>();
         let why = if ladder.ends_exact() {
-            "each is followed by steps of the next method"
+            "each is followed by steps of the next method".to_owned()
         } else {
-            "no step is exact, since a factorisation does not fit in one; a coarser mesh or a lower `step` of [rates] makes room"
+            format!("no step is exact, since a factorisation does not fit in one; {ROOM_FOR_EXACT_STEPS}")
         };
         Some(format!(
             "accuracy = {} was missed in {} of {of} in contact, by an error of the contact forces of up to {:.2} %; {why}",

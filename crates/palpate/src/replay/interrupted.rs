@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use nalgebra::Isometry3;
@@ -11,7 +12,7 @@ use palpate_haptics::wrench::Wrench;
 use palpate_trace::{TickFlags, Trace};
 
 use super::recorded::tests::rewrite;
-use super::{ReplayError, replay};
+use super::{ReplayError, replay, replay_until};
 use crate::engine::Engine;
 use crate::gathering::Gathering;
 use crate::pace::seconds;
@@ -123,6 +124,17 @@ fn pauses_and_an_end_under_contact_replay_to_the_bit() {
     assert!(trace.ticks[700].flags.contains(TickFlags::NO_SNAPSHOT | TickFlags::DEVICE_MISSING));
     let report = replay(&path).unwrap();
     assert!(report.is_identical() && report.ticks == 800, "{report:?}");
+}
+
+#[test]
+fn a_replay_that_is_asked_to_end_compares_no_more_and_tells_what_is_left() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ended.mcap");
+    record(&path, Faulty::sound(), 200, &[]);
+    let report = replay_until(&path, &AtomicBool::new(true)).unwrap();
+    assert_eq!((report.ticks, report.unreached, report.lost), (0, Some(200), 0));
+    assert!(report.is_identical(), "what was not reached is no difference: {report:?}");
+    assert_eq!(replay_until(&path, &AtomicBool::new(false)).unwrap().unreached, None);
 }
 
 #[test]

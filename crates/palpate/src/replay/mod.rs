@@ -18,6 +18,7 @@ use crate::record::{END, LOCKSTEP, SCENE, TICKS};
 use crate::run::{Length, Observer, RunError, RunOptions, run};
 use crate::scene::{Scene, SceneError};
 use crate::step::{StepReport, digest};
+use crate::summary::RunEnd;
 use crate::tick::TickReport;
 use recorded::Reached;
 
@@ -36,6 +37,8 @@ pub struct ReplayReport {
     pub first_body_difference: Option<u64>,
     /// Ticks that were not compared: their records, or those of their steps, lie in a damaged part of the trace.
     pub lost: usize,
+    /// Ticks of the trace that were not reached, where the replay was asked to end.
+    pub unreached: Option<usize>,
     /// What is wrong with the trace: it ends early, as after a run that was killed, or parts of it are damaged.
     pub damage: Option<String>,
 }
@@ -95,6 +98,14 @@ pub enum ReplayError {
 /// An unreadable trace, one without a scene or any tick, or one recorded in real time that lacks records or
 /// changes from outside.
 pub fn replay(path: &Path) -> Result<ReplayReport, ReplayError> {
+    replay_until(path, &AtomicBool::new(false))
+}
+
+/// The same until `stop` is set: the ticks up to there are compared.
+///
+/// # Errors
+/// As [`replay`].
+pub fn replay_until(path: &Path, stop: &AtomicBool) -> Result<ReplayReport, ReplayError> {
     let (trace, damage) = Trace::recover(path)?;
     let lossy = matches!(damage, Some(TraceError::Parts { .. }));
     let damage = match damage {
@@ -112,8 +123,9 @@ pub fn replay(path: &Path) -> Result<ReplayReport, ReplayError> {
     let mut comparison = Comparison::new(&trace, lossy);
     if entry("mode") != LOCKSTEP {
         let path = || path.to_path_buf();
-        return match workers(None)?.install(|| recorded::again(&world, &trace, &mut comparison))? {
+        return match workers(None)?.install(|| recorded::again(&world, &trace, stop, &mut comparison))? {
             Reached::End => Ok(ReplayReport { damage, ..comparison.report() }),
+            Reached::Stop => Ok(ReplayReport { damage, ..comparison.ended_early() }),
             // Nothing can be followed beyond a record that is lost.
             Reached::MissingRecord if lossy && comparison.next > 0 => {
                 comparison.leave_out_the_rest();
@@ -128,8 +140,12 @@ pub fn replay(path: &Path) -> Result<ReplayReport, ReplayError> {
     let ended = ended.or_else(|| trace.ticks.last().filter(|_| damage.is_some()).map(|last| last.tick + 1));
     let seconds = ended.map_or(seconds, |ticks| ticks as f64 / scene.description().rates.tick);
     let options = RunOptions { length: Length::Seconds(seconds), lockstep: true, ..RunOptions::default() };
-    run(&world, &options, &AtomicBool::new(false), &mut comparison)?;
-    Ok(ReplayReport { damage, ..comparison.report() })
+    let outcome = run(&world, &options, stop, &mut comparison)?;
+    let report = match outcome.summary.end {
+        RunEnd::Interrupted => comparison.ended_early(),
+        RunEnd::Completed | RunEnd::BodyFailed => comparison.report(),
+    };
+    Ok(ReplayReport { damage, ..report })
 }
 
 struct Comparison<'a> {
@@ -159,8 +175,16 @@ impl<'a> Comparison<'a> {
             largest_difference: self.largest,
             first_body_difference: self.first_body,
             lost: self.lost,
+            unreached: None,
             damage: None,
         }
+    }
+
+    /// The report of a replay that was asked to end.
+    fn ended_early(&mut self) -> ReplayReport {
+        let (compared, unreached) = self.recorded.split_at(self.next);
+        self.recorded = compared;
+        ReplayReport { unreached: Some(unreached.len()), ..self.report() }
     }
 
     /// The ticks that are left cannot be compared.

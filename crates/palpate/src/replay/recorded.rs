@@ -5,6 +5,7 @@
 //! that is not in the place of the last. Steps are done when the first tick needs them, factors when their matrix is there.
 
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use nalgebra::{Isometry3, Quaternion, Translation3, Unit, Vector3};
 use palpate_collision::ToolPose;
@@ -29,14 +30,21 @@ use crate::world::{ChangeRequest, World};
 pub(super) enum Reached {
     /// To its last tick.
     End,
+    /// As far as it was to be.
+    Stop,
     /// To a record that is not there.
     MissingRecord,
     /// To a step that had another body than what the trace tells makes.
     MissingChange { step: u64 },
 }
 
-/// Does every tick of the trace again, as far as it can be followed, and hands it to the comparison.
-pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_>) -> Result<Reached, RunError> {
+/// Does every tick of the trace again, as far as it can be followed and until `stop` is set, and hands it to the comparison.
+pub(super) fn again(
+    world: &World,
+    trace: &Trace,
+    stop: &AtomicBool,
+    comparison: &mut Comparison<'_>,
+) -> Result<Reached, RunError> {
     let (snapshot_writer, snapshots) = latest(&world.empty_snapshot());
     let (poses, _) = latest(&world.first_tool());
     let stated = trace.metadata.get("engine").and_then(|engine| engine.get(DEVICE_RECORD));
@@ -46,6 +54,9 @@ pub(super) fn again(world: &World, trace: &Trace, comparison: &mut Comparison<'_
     let mut steps = Steps::new(world, trace, snapshot_writer)?;
     let mut before = None;
     for (index, record) in trace.ticks.iter().enumerate() {
+        if stop.load(Ordering::Relaxed) {
+            return Ok(Reached::Stop);
+        }
         if record.tick != index as u64 {
             return Ok(Reached::MissingRecord);
         }

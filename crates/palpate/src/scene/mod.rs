@@ -3,6 +3,7 @@
 mod argument;
 mod bundled;
 mod check;
+mod culprit;
 mod description;
 mod error;
 mod parse;

@@ -6,6 +6,7 @@ use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 
 use super::argument::Before;
+use super::culprit::culprit;
 use super::description::SceneDescription;
 use super::error::{SceneError, nearest};
 
@@ -31,7 +32,9 @@ impl Source<'_> {
     fn syntax(&self, error: &toml::de::Error) -> SceneError {
         let message = error.message().trim().to_string();
         let remedy = suggestion(&message).or_else(|| kind_wanted(&message));
-        SceneError::invalid(self.origin, self.text, error.span().unwrap_or(0..0), message, remedy)
+        let span = error.span().unwrap_or(0..0);
+        let span = culprit(self.text, &span, &message).unwrap_or(span);
+        SceneError::invalid(self.origin, self.text, span, message, remedy)
     }
 
     /// An error at the value of a key path such as `body.0.density`; at its parent where the key is absent.

@@ -44,6 +44,20 @@ pub struct PortConfig {
     pub energy_allowance: Option<f64>,
     /// Whether the passivity layer acts on the force.
     pub passivity: Option<bool>,
+    /// Speed above which a motion of the device is no hand's (m/s).
+    pub jump_speed: Option<f64>,
+    /// Length of such a motion at which the pose is taken to have jumped (m).
+    pub jump_distance: Option<f64>,
+    /// Apparent mass of the device (kg).
+    pub device_mass: Option<f64>,
+    /// Its own viscous damping (N s/m).
+    pub device_damping: Option<f64>,
+    /// Its own Coulomb friction (N).
+    pub device_friction: Option<f64>,
+    /// Smallest change of position that it measures (m).
+    pub device_resolution: Option<f64>,
+    /// Ticks from a wrench to its effect, at this rate.
+    pub device_delay_ticks: Option<usize>,
     /// Where the device stands.
     pub place: Option<PlaceConfig>,
 }
@@ -68,7 +82,7 @@ pub enum PortConfigError {
 type Take = fn(&mut PortConfig, &PortConfig);
 
 /// Every option by its name.
-const OPTIONS: [(&str, Take); 16] = [
+const OPTIONS: [(&str, Take); 23] = [
     ("rate", |to, from| to.rate = from.rate),
     ("max_force", |to, from| to.max_force = from.max_force),
     ("max_torque", |to, from| to.max_torque = from.max_torque),
@@ -83,6 +97,13 @@ const OPTIONS: [(&str, Take); 16] = [
     ("gap", |to, from| to.gap = from.gap),
     ("energy_allowance", |to, from| to.energy_allowance = from.energy_allowance),
     ("passivity", |to, from| to.passivity = from.passivity),
+    ("jump_speed", |to, from| to.jump_speed = from.jump_speed),
+    ("jump_distance", |to, from| to.jump_distance = from.jump_distance),
+    ("device_mass", |to, from| to.device_mass = from.device_mass),
+    ("device_damping", |to, from| to.device_damping = from.device_damping),
+    ("device_friction", |to, from| to.device_friction = from.device_friction),
+    ("device_resolution", |to, from| to.device_resolution = from.device_resolution),
+    ("device_delay_ticks", |to, from| to.device_delay_ticks = from.device_delay_ticks),
     ("origin", |to, from| {
         to.place = from.place.map(|place| PlaceConfig { axes: PlaceConfig::default().axes, ..place })
     }),
@@ -92,9 +113,9 @@ const OPTIONS: [(&str, Take); 16] = [
 impl PortConfig {
     /// Writes them into the scene, so that its trace holds what a replay needs.
     ///
-    /// Without a coupling of the scene's own, its stiffness is what suits the device at this rate: the stable stiffness
-    /// of a sampled loop is proportional to the rate, and a faster loop than the device's record speaks of is not
-    /// trusted with more.
+    /// Without a coupling of the scene's own, it is what suits the device at this rate ([`CouplingConfig::at_rate`]): the
+    /// stable stiffness of a sampled loop is proportional to the rate, and a faster loop than the device's record speaks
+    /// of is not trusted with more.
     ///
     /// # Errors
     /// A number out of its range, by the name of its option. The scene is unchanged then.
@@ -144,6 +165,8 @@ impl PortConfig {
             set(&mut d.limits.stale_after, self.stale_after);
             set(&mut d.limits.stale_zero, self.stale_zero);
             set(&mut d.limits.gap, self.gap);
+            set(&mut d.limits.jump_speed, self.jump_speed);
+            set(&mut d.limits.jump_distance, self.jump_distance);
         })
     }
 
@@ -153,6 +176,11 @@ impl PortConfig {
         record.max_torque = self.max_torque.unwrap_or(record.max_torque);
         record.max_stiffness = self.max_stiffness.unwrap_or(record.max_stiffness);
         record.max_damping = self.max_damping.unwrap_or(record.max_damping);
+        record.mass = self.device_mass.or(record.mass);
+        record.damping = self.device_damping.or(record.damping);
+        record.friction = self.device_friction.or(record.friction);
+        record.resolution = self.device_resolution.or(record.resolution);
+        record.delay_ticks = self.device_delay_ticks.or(record.delay_ticks);
         record.freedoms.drives_torque |= record.max_torque > 0.0;
         record
     }

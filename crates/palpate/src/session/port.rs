@@ -154,6 +154,7 @@ impl Port {
     }
 
     /// One tick. Before the session has started there is no force.
+    #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn tick(&mut self, sample: &PortSample) -> PortReport {
         self.tick_at(sample, Instant::now())
     }

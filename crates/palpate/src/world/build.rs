@@ -99,10 +99,11 @@ fn assemble(scene: &Scene, mesh: TetMesh, mut warnings: Vec<String>) -> Result<W
     warnings.extend(late_hand_over(description));
     let model = FemModel::new(&mesh, &config).map_err(|e| match e {
         FemError::NoBulk { .. } => scene.at("body.0.element", e.to_string(), "change the element or the law"),
-        FemError::Material { ref place, .. } => {
+        FemError::Material { ref place, ref error } => {
             let region = body.regions.keys().find(|name| *place == format!("region `{name}`"));
             let key = region.map_or("material".into(), |name| format!("regions.{name}"));
-            scene.at(&format!("body.0.{key}"), e.to_string(), "correct the value")
+            let entry = error.key().map(|entry| format!(".{entry}")).unwrap_or_default();
+            scene.at(&format!("body.0.{key}{entry}"), e.to_string(), "correct the value")
         }
         _ => scene.at("body.0", e.to_string(), "correct the body's materials, density or fixed nodes"),
     })?;

@@ -25,6 +25,9 @@ pub const MOST_CALM_STEPS: u32 = 240;
 /// Share of the accuracy that the rung below may use up before it is taken: its error grows with the pressing that goes on.
 pub const LOWER_SHARE: f64 = 0.5;
 
+/// The remedy where a factorisation does not fit in a step.
+pub(crate) const ROOM_FOR_EXACT_STEPS: &str = "a coarser mesh or a lower `step` of [rates] makes room";
+
 /// A method of compliance; on a ladder, what asks for more factorisations is higher.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -97,8 +100,7 @@ impl Ladder {
         (!self.ends_exact()).then(|| {
             format!(
                 "accuracy = {} may be missed: a factorisation, {factorization:.0} ms predicted, does not fit in a step of \
-                 {dt:.0} ms, so that no step is exact; the summary says how often it was; a coarser mesh or a lower \
-                 `step` of [rates] makes room",
+                 {dt:.0} ms, so that no step is exact; the summary says how often it was; {ROOM_FOR_EXACT_STEPS}",
                 Readable(self.accuracy)
             )
         })

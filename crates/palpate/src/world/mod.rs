@@ -47,6 +47,7 @@ pub use change::Change;
 pub use geometry::{is_surface, make};
 pub use haptics::CouplingChoice;
 pub use integration::{EXPLICIT_SAFETY, Integration};
+pub(crate) use ladder::ROOM_FOR_EXACT_STEPS;
 pub use ladder::{CALM_STEPS, LOWER_SHARE, Ladder, MOST_CALM_STEPS, Rung};
 pub(crate) use outside::ChangeMaker;
 pub use outside::{ChangeError, ChangeRequest};
