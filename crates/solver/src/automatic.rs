@@ -12,7 +12,8 @@
 //! Each begins at the best forces so far. The report has their residual, the iterations of all attempts, and how the
 //! run ended: a limit of time that was met, else the finding of the last attempt that had one (no solution, stalled),
 //! else the status of the attempt with the least residual. [`AutomaticWorkspace::attempts`] tells what was tried and
-//! how it ended. Step 6 allocates where it meets contacts that it has not met lately, the others do not.
+//! how it ended. Step 6 allocates where it meets a sequence of laws that it has neither met lately nor
+//! been prepared for.
 //! [`AutomaticConfig::bounded`] leaves steps 4 and 6 out. Steps 4 and 6, whose iterations are long, end after so many
 //! as are their own default, or sooner by the limit of each attempt.
 
@@ -129,6 +130,16 @@ impl ConstraintSolver for AutomaticConfig {
 
     fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
         Self { tolerance, max_iterations: max_iterations.unwrap_or(self.max_iterations), ..self }
+    }
+
+    fn prepare(&self, view: &ProblemView<'_>, ws: &mut AutomaticWorkspace) -> Result<(), SolveStatus> {
+        if self.bounded {
+            return Ok(());
+        }
+        if view.rows() <= LEMKE_ROWS {
+            LemkeConfig::default().prepare(view, &mut ws.lemke)?;
+        }
+        ConicFrictionConfig::default().prepare(view, &mut ws.cones)
     }
 
     fn solve_watched(

@@ -18,13 +18,13 @@
 //! residual, sweeps of block Gauss-Seidel on the exact laws go on from the best forces.
 //!
 //! Clarabel starts every program from its own point: a reference and a fall-back at step rate, not for the tick.
-//! Problems whose laws have been met lately, in the same order, are solved without allocation.
+//! Problems whose laws have been met lately, in the same order, or prepared for are solved without allocation.
 
 use crate::conic::{ConicPrograms, Corrections, Until};
 use crate::gauss_seidel::{GaussSeidelWorkspace, sweep};
 use crate::iteration::{self, Advance, Stop};
 use crate::problem::ProblemView;
-use crate::report::SolveReport;
+use crate::report::{SolveReport, SolveStatus};
 use crate::solver::ConstraintSolver;
 use crate::watch::Watch;
 use serde::{Deserialize, Serialize};
@@ -73,6 +73,10 @@ impl ConstraintSolver for ConicFrictionConfig {
 
     fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
         Self { tolerance, max_iterations: max_iterations.unwrap_or(self.max_iterations), ..self }
+    }
+
+    fn prepare(&self, view: &ProblemView<'_>, ws: &mut ConicFrictionWorkspace) -> Result<(), SolveStatus> {
+        ws.programs.rehearse(view, &mut ws.sweeps)
     }
 
     fn solve_watched(

@@ -9,7 +9,7 @@
 //! (a coefficient or limit above zero) end as [`SolveStatus::Unsupported`]: [`crate::conic_friction`] takes them.
 //! Conflicting closed rows make the program unbounded, and end as [`SolveStatus::NoSolution`]. Clarabel starts from its
 //! own point, not from `lambda`: a reference and a fall-back at step rate, not for the tick. Problems whose laws have been
-//! met lately, in the same order, are solved without allocation.
+//! met lately, in the same order, or prepared for are solved without allocation.
 
 use crate::conic::{ConicPrograms, Until};
 use crate::gauss_seidel::GaussSeidelWorkspace;
@@ -62,6 +62,10 @@ impl ConstraintSolver for ConicQpConfig {
     /// There is one program: the limit of iterations says whether it is solved at all.
     fn limited(self, tolerance: f64, _max_iterations: Option<u32>) -> Self {
         Self { tolerance }
+    }
+
+    fn prepare(&self, view: &ProblemView<'_>, ws: &mut ConicQpWorkspace) -> Result<(), SolveStatus> {
+        ws.programs.rehearse(view, &mut ws.gaps)
     }
 
     fn solve_watched(

@@ -99,6 +99,14 @@ impl ConstraintSolver for LemkeConfig {
         Self { tolerance, max_iterations: max_iterations.unwrap_or(self.max_iterations), ..self }
     }
 
+    fn prepare(&self, view: &ProblemView<'_>, ws: &mut LemkeWorkspace) -> Result<(), SolveStatus> {
+        if view.rows() > ws.sweeps.capacity() {
+            return Err(SolveStatus::CapacityExceeded);
+        }
+        ws.tableau.reserve(ws.problem.reserve(view, self.facets.max(3), MAX_VARIABLES));
+        Ok(())
+    }
+
     fn solve_watched(
         &self,
         view: &ProblemView<'_>,

@@ -7,8 +7,9 @@
 //! A regularised problem is well conditioned whatever `W` is, and every one of its solutions that is its own centre solves the
 //! problem itself. Newton reduces the *regularised* residual: that of the problem may have to rise on the way along
 //! directions that `W` hardly resists, where a search that asks for its fall takes no step. Even the regularised one may rise for
-//! some steps while the active contacts are sought: giving up where it exceeds ten times its start makes all but easy
-//! problems take twice as long. The centre moves when the
+//! some steps while the active contacts are sought: giving up at once where it exceeds ten times its start takes more
+//! steps than it saves. Where it is still a hundred times its start after [`LOST_STEPS`], the steps go to and fro between
+//! wrong sets of contacts, and a larger shift finds the right one sooner. The centre moves when the
 //! regularised problem is solved to [`CENTRED`] of what it began with; where that is easy the shift follows the residual down, so
 //! that the end is as fast as Newton's; where it is hard the shift is raised.
 
@@ -45,6 +46,12 @@ const SLOW: f64 = 0.5;
 /// Newton steps after which a regularised problem is given up: most of those that are solved are so in ten, and with 20 a
 /// settled skin of 150 contacts takes half as many steps again in the mean of several tolerances.
 const MOST_STEPS: u32 = 14;
+
+/// Newton steps after which a regularised problem is given up sooner, where its residual is more than so many times what
+/// it began with: steps that find their contacts are back below that in five. With 2 steps, nearly singular problems take
+/// more of them in all, with [`MOST_STEPS`] those of faces that lie closer together than the nodes.
+const LOST_STEPS: u32 = 6;
+const LOST: f64 = 100.0;
 
 /// Factors of the damping after easy, hard and hopeless problems.
 const EASED: f64 = 0.3;
@@ -123,7 +130,8 @@ impl ProximalPoint {
     pub(crate) fn course(&mut self, lambda: &[f64], now: f64, tolerance: f64) -> Course {
         let course = match self.central {
             Some(central) if self.residual > (CENTRED * central).max(FINE * tolerance) && now > ADVANCED * central => {
-                if self.steps < MOST_STEPS {
+                let lost = self.steps >= LOST_STEPS && self.residual > LOST * central;
+                if self.steps < MOST_STEPS && !lost {
                     Course::Step
                 } else {
                     self.failures += 1;
@@ -233,6 +241,24 @@ mod tests {
             assert_eq!(chain.centre, [1.0; 3]);
             assert!(chain.shift > before);
         }
+    }
+
+    #[test]
+    fn a_problem_whose_steps_are_lost_begins_again_sooner() {
+        let taken = |rises: f64| {
+            let mut chain = chain();
+            assert_eq!(chain.course(&[1.0; 3], 1e-4, 1e-8), Course::Step);
+            let mut steps = 1;
+            loop {
+                chain.residual = rises * 1e-4;
+                match chain.course(&[2.0; 3], rises * 1e-4, 1e-8) {
+                    Course::Step => steps += 1,
+                    course => return (steps, course, chain.centre),
+                }
+            }
+        };
+        assert_eq!(taken(0.5 * LOST), (MOST_STEPS, Course::Repeat, vec![1.0; 3]));
+        assert_eq!(taken(2.0 * LOST), (LOST_STEPS, Course::Repeat, vec![1.0; 3]));
     }
 
     #[test]

@@ -27,11 +27,23 @@ pub trait ConstraintSolver: Copy + Default {
     #[must_use]
     fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self;
 
+    /// Makes the memory whose size hangs on the laws of a problem and on their order: programs for the cone solvers,
+    /// room for facets beyond four in Lemke's, nothing in the others. Solving this problem, or one with the same laws and
+    /// other numbers, then allocates nothing. The cone solvers keep the last eight such sequences of laws. These
+    /// solve a program for it, and allocate: for where a scene is set up, not for a thread that must be in time.
+    ///
+    /// # Errors
+    /// Why a solve would not begin: [`SolveStatus::Invalid`], [`SolveStatus::CapacityExceeded`],
+    /// [`SolveStatus::Unsupported`] or [`SolveStatus::NotFinite`].
+    fn prepare(&self, _view: &ProblemView<'_>, _ws: &mut Self::Workspace) -> Result<(), SolveStatus> {
+        Ok(())
+    }
+
     /// Solves from the forces in `lambda` (N) and leaves the answer there: finite and admissible whatever the status.
     ///
-    /// Allocates nothing, with two exceptions: the first cone program of a structure (see [`crate::conic_friction`]),
-    /// and Lemke on a law with more facets than any before. On another thread than the one that made the workspace see
-    /// [`warm_thread`].
+    /// Allocates nothing, where [`ConstraintSolver::prepare`] has been called for the sequence of laws, or a problem with it
+    /// has been solved before; without, the cone solvers and Lemke make their memory here. On another thread than the one
+    /// that made the workspace see [`warm_thread`].
     fn solve_watched(
         &self,
         view: &ProblemView<'_>,
@@ -111,6 +123,17 @@ macro_rules! solvers {
             pub fn limited(self, tolerance: f64, max_iterations: Option<u32>) -> Self {
                 match self {
                     $(Solver::$variant(config) => Solver::$variant(config.limited(tolerance, max_iterations)),)+
+                }
+            }
+
+            /// [`ConstraintSolver::prepare`]
+            ///
+            /// # Errors
+            /// As there; [`SolveStatus::Invalid`] for a workspace of another solver.
+            pub fn prepare(&self, view: &ProblemView<'_>, ws: &mut SolverWorkspace) -> Result<(), SolveStatus> {
+                match (self, ws) {
+                    $((Solver::$variant(config), SolverWorkspace::$variant(ws)) => config.prepare(view, ws),)+
+                    _ => Err(SolveStatus::Invalid),
                 }
             }
 

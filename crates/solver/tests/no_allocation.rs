@@ -1,5 +1,5 @@
-//! Once problem and workspace exist, filling and solving allocate nothing; cone programs from the second of their
-//! structure on.
+//! Once problem and workspace exist, and the workspace is prepared for the sequence of laws where cone programs come of it,
+//! filling and solving allocate nothing.
 
 mod half_space;
 
@@ -97,6 +97,12 @@ fn filling_and_solving_allocate_nothing() {
     let laid_out = again();
     assert_eq!(assert_no_alloc(again), laid_out);
     assert_eq!(violation_count(), 0);
+    let mut prepared = config.workspace(90);
+    assert_eq!(config.prepare(&conflict.view(), &mut prepared), Ok(()));
+    lambda.fill(0.0);
+    let solve = || config.solve_watched(&conflict.view(), &mut lambda[..2], &mut prepared, &mut Watch::none());
+    assert_eq!(assert_no_alloc(solve).iterations, laid_out);
+    assert_eq!(violation_count(), 0);
     assert_eq!(ws.attempts().last().map(|attempt| attempt.solver), Some("conic_friction"));
 
     // A problem that the first sweeps of the automatic choice do not solve: it goes on to Newton.
@@ -113,7 +119,7 @@ fn filling_and_solving_allocate_nothing() {
     multipliers();
 }
 
-/// Programs of several structures, each met once before, then with other numbers: no memory, and the bits of a new workspace.
+/// Programs of several structures, each prepared for with other numbers: no memory, and the bits of a new workspace.
 fn cone_programs() {
     let cases = [("conic_friction", 0.3, 0.7), ("conic_friction", 0.9, 0.2), ("conic_qp", 0.0, 0.0)];
     for (name, before, after) in cases {
@@ -122,8 +128,7 @@ fn cone_programs() {
         let sizes = [1_usize, 30, 7, 12];
         for contacts in sizes {
             let problem = half_space::pressed_sphere(contacts, before, 1e-3, 1e-3);
-            let report = solver.solve(&problem.view(), &mut vec![0.0; 3 * contacts], &mut ws);
-            assert!(report.is_solved(), "{name}, {contacts}: {report:?}");
+            assert_eq!(solver.prepare(&problem.view(), &mut ws), Ok(()), "{name}, {contacts}");
         }
         for contacts in sizes.into_iter().rev() {
             let problem = half_space::pressed_sphere(contacts, after, 2e-3, 1.5e-3);

@@ -1,5 +1,8 @@
 //! Contact by Lagrange multipliers over the whole body; see [`palpate_solver::lagrange`]. It allocates where the
 //! contacts touch other nodes than in the step before.
+//!
+//! A step has no limit of time, here as for every other solver: where it met one would hang on the load of the machine, and
+//! a recorded run would not replay to the bit. Its work is bounded by the limit of programs.
 
 use palpate_fem::sparse::SystemMatrix;
 use palpate_solver::lagrange::{LagrangeConfig, LagrangeProblem, LagrangeWorkspace, solve};

@@ -11,13 +11,15 @@
 //! what the other part makes of the forces so far is added to `delta_free` (single precision files are asymmetric by 1e-6).
 //!
 //! Programs are kept by their structure, which is the sequence of the blocks' cones: one that was solved lately, with
-//! whatever numbers, is solved again without allocation. The first of a structure allocates, however long the workspace has
-//! existed: the cones are known with the laws only, and Clarabel orders and lays out a program in memory of its own.
+//! whatever numbers, is solved again without allocation, and so is the first after [`ConicPrograms::rehearse`]. Without it the
+//! first of a structure allocates, however long the workspace has existed: the cones are known with the laws only, and
+//! Clarabel orders and lays out a program in memory of its own.
 
 mod cones;
 mod corrections;
 mod kept;
 
+use crate::gauss_seidel::{self, GaussSeidelWorkspace};
 use crate::problem::{ProblemView, gather, scatter};
 use crate::report::SolveStatus;
 use clarabel::algebra::CscMatrix;
@@ -101,6 +103,24 @@ impl ConicPrograms {
         let Some(program) = self.programs.last_mut() else { return Err(SolveStatus::Invalid) };
         self.cones.write(&program.places, &mut program.constraints);
         program.solver.set_matrices(&self.quadratic, &program.constraints)
+    }
+
+    /// Lays out the program of a problem's structure and solves it, since Clarabel makes memory in the first solution, too.
+    /// `gaps` is scratch.
+    ///
+    /// # Errors
+    /// Those of [`crate::gauss_seidel::prepare`] and of [`ConicPrograms::prepare`].
+    pub(crate) fn rehearse(
+        &mut self,
+        view: &ProblemView<'_>,
+        gaps: &mut GaussSeidelWorkspace,
+    ) -> Result<(), SolveStatus> {
+        let mut lambda = vec![0.0; view.rows()];
+        gauss_seidel::prepare(view, &mut lambda, gaps)?;
+        self.prepare(view, &gaps.local)?;
+        // Whatever the end of this program, its memory is there.
+        let _ = self.solve(view, &[], Until::default(), &mut lambda);
+        Ok(())
     }
 
     /// A program of the present structure takes the place of the one that was not used for longest.
