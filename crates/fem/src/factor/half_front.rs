@@ -6,7 +6,7 @@
 //! ```
 //! What threads share are rows of `L`, whose products with `Y` are independent of one another: each is read once, on any
 //! number of threads. Independent subtrees would give them little, since the nodes of a patch of contacts lie side by side:
-//! more than nine tenths of the operations are on one path of the tree, and most of these at its large fronts.
+//! some nine tenths of the operations are on one path of the tree, and most of these at its large fronts.
 //!
 //! Which products are cut, and where, depends on their size alone: the same bits on any number of threads.
 
