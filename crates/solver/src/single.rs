@@ -1,4 +1,7 @@
 //! `W` between the rows of some blocks, in single precision: half the memory, which is what a product with it costs.
+//!
+//! Products are fused with sums where the processor can. What is found with these numbers is judged in double precision by
+//! sums that are not (see [`crate::vectors`]).
 
 use crate::problem::{Block, ProblemView};
 use nalgebra::Vector3;
@@ -168,8 +171,8 @@ fn add_three<S: Simd>(simd: S, gap: &mut [f32], [a, b, c]: [&[f32]; 3], force: &
     let (b, c) = (S::as_simd_f32s(b).0, S::as_simd_f32s(c).0);
     let (x, y, z) = (simd.splat_f32s(force[0]), simd.splat_f32s(force[1]), simd.splat_f32s(force[2]));
     for (gap, (a, (b, c))) in gap.iter_mut().zip(a.iter().zip(b.iter().zip(c))) {
-        let sum = simd.add_f32s(simd.mul_f32s(*a, x), simd.mul_f32s(*b, y));
-        *gap = simd.add_f32s(*gap, simd.add_f32s(sum, simd.mul_f32s(*c, z)));
+        let sum = simd.mul_add_e_f32s(*b, y, simd.mul_add_e_f32s(*a, x, *gap));
+        *gap = simd.mul_add_e_f32s(*c, z, sum);
     }
 }
 
@@ -177,7 +180,7 @@ fn add_three<S: Simd>(simd: S, gap: &mut [f32], [a, b, c]: [&[f32]; 3], force: &
 fn add_one<S: Simd>(simd: S, gap: &mut [f32], column: &[f32], force: f32) {
     let force = simd.splat_f32s(force);
     for (gap, w) in S::as_mut_simd_f32s(gap).0.iter_mut().zip(S::as_simd_f32s(column).0) {
-        *gap = simd.add_f32s(*gap, simd.mul_f32s(*w, force));
+        *gap = simd.mul_add_e_f32s(*w, force, *gap);
     }
 }
 
