@@ -1,4 +1,4 @@
-//! Which laws come back from what no tissue bears, by element and mesh size: the block of `tests/robustness.rs`.
+//! Which laws come back from what no tissue bears, by element and mesh size: the block of `tests/tissue/robustness.rs`.
 //!
 //! `cargo bench --bench robustness -- fine` prints the table for each kind of element on a finer mesh (2 to 8 minutes), without
 //! `fine` that of the test's own mesh. `element=averaged`, `law=ogden` and `ordeal=Twisted` choose among them. With `-- liver`

@@ -25,7 +25,7 @@
 //! behind the delay, the low-pass on v (t_v = 1.6 ms) and the slew limit a switch feeds the swing that it is to end. A damper on a
 //! mass m behind a delay t is stable up to π m / (2 t); b is a third of that. So an account may stay overdrawn where more power goes
 //! out than b takes, and is paid back while the hand moves: the controller withholds what a device of that mass bears, which in
-//! the entries and couplings of `tests/hand_entries.rs` never gave the hand more than there was without it. Where the mass is unknown, b is the largest damping of the device's record.
+//! the entries and couplings of `tests/hand/hand_entries.rs` never gave the hand more than there was without it. Where the mass is unknown, b is the largest damping of the device's record.
 //! The force never grows by more than B |v|. Below `least_speed` it does nothing, up to twice that it comes in linearly:
 //! the encoder's noise is not amplified. It acts in contact only: a free hand is not held.
 //!

@@ -1,0 +1,8 @@
+//! Tetrahedra from surfaces and label images.
+
+mod bodies;
+mod guarantee;
+mod images;
+mod liver;
+mod readers;
+mod surfaces;
