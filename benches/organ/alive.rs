@@ -14,7 +14,7 @@ use super::organ::{liver, measuring};
 use super::{CELL, CORES, STEP, quantile};
 
 /// About as many nodes, unless the command line names others.
-const NODES: [f64; 3] = [4000.0, 8000.0, 9400.0];
+const NODES: [f64; 5] = [4000.0, 5000.0, 5800.0, 8000.0, 9400.0];
 
 /// How long each is played (s): most of the bundled palpation.
 const SECONDS: f64 = 10.0;

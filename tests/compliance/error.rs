@@ -2,6 +2,8 @@
 
 #![allow(clippy::print_stdout)] // measured numbers
 
+use std::time::{Duration, Instant};
+
 use crate::block;
 use nalgebra::DMatrix;
 use palpate::collision::contact::Contact;
@@ -102,6 +104,34 @@ fn the_overlap_is_that_of_the_positions_after_the_correction() {
     }
     println!("{touching} steps, at most {deepest:.1e} m");
     assert!(touching > 20 && deepest > 1e-8, "an old factor leaves some: {deepest:e} m");
+}
+
+/// A comparison is not what a step is late for; a ladder goes by what it finds, and always has it.
+#[test]
+fn a_step_without_time_compares_no_column_and_has_the_same_forces() {
+    let hour = Duration::from_secs(3600);
+    let climbing = |scene: &mut SceneDescription| scene.bodies[0].accuracy = Some(0.5);
+    for (world, goes_by_it) in [(block(|_| ()), false), (block(climbing), true)] {
+        let simulation = || Simulation::new(&world).unwrap().refresh_every(0);
+        let (mut unhurried, mut early, mut late) = (simulation(), simulation(), simulation());
+        let mut compared = 0;
+        for k in 0..STEPS {
+            early.end_by(Instant::now() + hour);
+            late.end_by(Instant::now());
+            let [free, early, hurried] =
+                [&mut unhurried, &mut early, &mut late].map(|simulation| simulation.step(&pose(k)));
+            let same = |a: f64, b: f64| a.to_bits() == b.to_bits();
+            assert!(same(free.error.sampled, early.error.sampled) && !early.error.sample_left_out, "step {k}");
+            assert_eq!(unhurried.forces(), late.forces(), "step {k}");
+            assert_eq!(unhurried.positions(), late.positions(), "step {k}");
+            if !free.error.sampled.is_nan() {
+                compared += 1;
+                assert_eq!(hurried.error.sampled.is_nan(), !goes_by_it, "step {k}");
+                assert_eq!(hurried.error.sample_left_out, !goes_by_it, "step {k}");
+            }
+        }
+        assert!(compared > 20, "{compared} steps had a column to compare");
+    }
 }
 
 #[test]

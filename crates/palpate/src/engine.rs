@@ -1,5 +1,7 @@
 //! The three stages of a run and what lies between them: made once, then moved to threads or driven in lockstep.
 
+use std::time::Instant;
+
 use palpate_collision::ToolPose;
 use palpate_haptics::device::DeviceSpec;
 use palpate_haptics::exchange::{Reader, Writer, latest};
@@ -198,6 +200,11 @@ impl StepStage<'_> {
             self.urged = self.watch.is_too_old(&report) && self.port.urge(report.step, time, before, system, nodes);
         }
         report
+    }
+
+    /// When the next step is due, which the step after this call is to be done by as far as that is its choice.
+    pub(crate) fn end_by(&mut self, end: Instant) {
+        self.ws.end_by(end);
     }
 
     /// Hands the tick a snapshot without contacts that is marked as not valid: the force comes down to zero at the rate

@@ -46,6 +46,11 @@ impl Pacer {
         seconds(self.start.elapsed().as_nanos() as u64)
     }
 
+    /// When the next period begins.
+    pub(crate) fn due(&self) -> Instant {
+        self.start + Duration::from_secs_f64(self.next as f64 * self.period)
+    }
+
     /// Sleeps until the next period begins; returns at once where it has begun already. `None` once `end` is set.
     pub(crate) fn wait(&mut self, end: &AtomicBool) -> Option<Beat> {
         self.wait_unless(end, || false, std::thread::sleep)
@@ -93,6 +98,7 @@ mod tests {
         assert!(late.missed >= 18, "19 periods passed, {} were counted", late.missed);
         let next = pacer.next;
         assert!(next >= 20, "the next period lies after the missed ones, not at {next}");
+        assert!(pacer.due() >= pacer.start + Duration::from_millis(20));
     }
 
     #[test]

@@ -223,6 +223,7 @@ fn step_loop(
             continue;
         }
         resting = false;
+        stage.end_by(pacer.due());
         let mut report = stage.advance(beat.time);
         report.latency = beat.latency;
         report.overruns = beat.missed;

@@ -1,5 +1,7 @@
 //! A scene stepped by its caller: the tool goes where it is told, one step at a time, on the caller's thread.
 
+use std::time::Instant;
+
 use nalgebra::Vector3;
 use palpate_collision::ToolPose;
 use palpate_fem::factor::FactorStatus;
@@ -89,6 +91,11 @@ impl<'w> Simulation<'w> {
     pub fn refresh_takes(mut self, seconds: f64) -> Self {
         self.refresh_takes = seconds.max(0.0);
         self
+    }
+
+    /// When the next steps are to be done, for a loop in real time: see [`StepWorkspace::end_by`].
+    pub fn end_by(&mut self, end: Instant) {
+        self.ws.end_by(end);
     }
 
     /// One step with the tool at `tool`, and the refresh that is due after it.

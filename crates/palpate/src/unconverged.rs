@@ -23,6 +23,8 @@ pub struct Unconverged {
     pub comparisons: u64,
     /// Worst residual of these.
     pub comparison_residual: f64,
+    /// Comparisons that were left out, for their steps had no time for them.
+    pub comparisons_left_out: u64,
     /// Steps that factored their own matrix to go on, after iterations that did not converge.
     pub rescued: u64,
     /// Steps with contacts whose forces were left out for want of a compliance.
@@ -46,6 +48,7 @@ impl Unconverged {
             self.comparisons += 1;
             self.comparison_residual = self.comparison_residual.max(report.error.sample_residual);
         }
+        self.comparisons_left_out += u64::from(report.error.sample_left_out);
         self.rescued += u64::from(report.rescued);
         if report.rows.rows > 0 && !report.compliance.usable {
             self.without_contact += 1;
@@ -80,6 +83,7 @@ impl Unconverged {
             ));
         }
         notes.extend(self.comparison_note(world));
+        notes.extend(self.left_out_note(world));
         if let Some(first) = self.first_without {
             notes.push(format!(
                 "{} went on without contact, the first at {first:.3} s: the matrix of the body could not be factored, \
@@ -88,6 +92,18 @@ impl Unconverged {
             ));
         }
         notes
+    }
+
+    /// What there is to say of comparisons of a column that steps had no time for.
+    fn left_out_note(&self, world: &World) -> Option<String> {
+        (self.comparisons_left_out > 0).then(|| {
+            format!(
+                "body {}: {} of a column of the compliance left out, for the step would have been late: what the error \
+                 is there no column tells; take a coarser mesh, or lower rates.step",
+                world.description().bodies[0].name,
+                counted(self.comparisons_left_out, "comparison", "comparisons")
+            )
+        })
     }
 
     /// What there is to say of comparisons of a column that did not converge.

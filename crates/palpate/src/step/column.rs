@@ -4,6 +4,8 @@
 //! A y = Hᵀ e_j,   h² H y = W_A e_j          in the bodies that yield: tissue and rigid ones
 //! ```
 
+use std::time::{Duration, Instant};
+
 use palpate_constraints::body::{Body, RigidBodies};
 use palpate_constraints::compliance::{self, ComplianceMethod};
 use palpate_fem::pcg::{PcgConfig, PcgStatus, pcg};
@@ -18,7 +20,8 @@ use crate::world::World;
 const SAMPLE_TOLERANCE: f64 = 1e-6;
 
 /// Compares one column of a `W` that is not exact with the exact one, where it is time for that. Where the iterations that
-/// the plan grants do not suffice no error is known, and the report says so.
+/// the plan grants do not suffice no error is known, and the report says so; so it does where a step in real time, which
+/// has its end, would be late for it.
 pub(super) fn sample(world: &World, factor: &FactorSample, ws: &mut StepWorkspace, report: &mut StepReport) {
     let (m, plan) = (ws.rows.len(), world.plan().sampling);
     let measurable = report.compliance.usable && report.status == StepStatus::Advanced;
@@ -26,6 +29,12 @@ pub(super) fn sample(world: &World, factor: &FactorSample, ws: &mut StepWorkspac
         return;
     }
     let row = plan.row(report.step, m);
+    // A ladder chooses by what it finds, and a run that is played again must choose alike.
+    let predicted = Duration::from_secs_f64(plan.iteration * plan.iterations as f64);
+    if world.plan().ladder.is_none() && ws.end.is_some_and(|end| Instant::now() + predicted > end) {
+        report.error.sample_left_out = true;
+        return;
+    }
     if !push(ws, row) {
         return;
     }

@@ -19,6 +19,8 @@ pub struct ComplianceError {
     pub sampled_row: u32,
     /// Whether the comparison of a column ended without convergence, so that it says nothing.
     pub sample_unconverged: bool,
+    /// Whether the comparison that was due was left out, for the step had no time for it.
+    pub sample_left_out: bool,
     /// Relative residual that it left; 0 where there was none.
     pub sample_residual: f64,
     /// Iterations of the exact correction.
@@ -46,6 +48,7 @@ impl ComplianceError {
         sampled: f64::NAN,
         sampled_row: 0,
         sample_unconverged: false,
+        sample_left_out: false,
         sample_residual: 0.0,
         correction_iterations: 0,
         correction_residual: 0.0,

@@ -18,6 +18,7 @@ use palpate_solver::automatic::AutomaticConfig;
 use palpate_solver::problem::ConstraintProblem;
 use palpate_solver::solver::{Solver, SolverWorkspace};
 use std::sync::Arc;
+use std::time::Instant;
 
 use super::bodies::{self, PairForce};
 use super::change::ChangeStage;
@@ -133,6 +134,8 @@ pub struct StepWorkspace {
     pub(super) sample: Vec<f64>,
     /// The unit force whose column is compared.
     pub(super) lambda_of_sample: Vec<f64>,
+    /// When the next step is due; none where time is virtual.
+    pub(super) end: Option<Instant>,
     /// What a second solve for the forces starts from.
     pub(super) refinement: RefinementWorkspace,
     /// Newton's method, where it integrates.
@@ -166,6 +169,12 @@ impl StepWorkspace {
     /// Motion of the free nodes by the contact forces of the last step in contact, `Δv = h A⁻¹ Hᵀ λ` (m/s).
     pub fn correction(&self) -> &[f64] {
         &self.correction
+    }
+
+    /// When the steps after this call are to be done: what they measure of themselves and do not need is left out where
+    /// there is no time for it. Without this they take what time they need, and are the same on every machine.
+    pub fn end_by(&mut self, end: Instant) {
+        self.end = Some(end);
     }
 
     /// Rows of the last step that belong to the tool: the first of all.
@@ -260,6 +269,7 @@ impl StepWorkspace {
             load: vec![0.0; 3 * free],
             sample: vec![0.0; 3 * free],
             lambda_of_sample: vec![0.0; rows],
+            end: None,
             rescue: super::guard::rescue(world),
             windings: super::tangle::windings(world),
             refinement: RefinementWorkspace::new(rows, 3 * free),
