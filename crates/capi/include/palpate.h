@@ -177,7 +177,8 @@
 #define PALPATE_TICK_BEYOND_PATCH (1u << 15)
 
 /*
- The contact would have given out more energy than it took in: the force was reduced along the motion.
+ The contact would have given out more energy than it took in: the force, or the gripper's torque, was reduced along the
+ motion.
  */
 #define PALPATE_TICK_PASSIVITY (1u << 16)
 

@@ -37,7 +37,8 @@ pub const PALPATE_TICK_TRUNCATED: u32 = 1 << 12;
 pub const PALPATE_TICK_BAD_POSE: u32 = 1 << 13;
 /// The tool has moved so far since the tissue's latest step that skin which the tick does not know could touch it unseen.
 pub const PALPATE_TICK_BEYOND_PATCH: u32 = 1 << 15;
-/// The contact would have given out more energy than it took in: the force was reduced along the motion.
+/// The contact would have given out more energy than it took in: the force, or the gripper's torque, was reduced along the
+/// motion.
 pub const PALPATE_TICK_PASSIVITY: u32 = 1 << 16;
 /// The power given to the hand was cut to its limit.
 pub const PALPATE_TICK_POWER_LIMITED: u32 = 1 << 17;

@@ -4,12 +4,14 @@
 //! last argument, a negative answer for an error, and positive ones (`DHD_TIMEGUARD`, `DHD_MOTOR_SATURATED`) that are none. A gripper is read by the gap between its
 //! fingers, which left-handed devices give the same sign, and is driven by the force along it.
 //! The library is called on the tick thread: a call is one exchange over USB, which is what paces it. Gravity compensation
-//! and the velocity threshold that brakes the device stay as the device is configured.
+//! and the velocity threshold that brakes the device stay as the device is configured. The firmware's watchdog is set: a
+//! device that no force reaches for 30 ms switches its forces off by itself, whatever becomes of the program.
 
 // The vendor's functions.
 #![allow(unsafe_code)]
 
 use std::ffi::{c_char, c_double, c_int, c_uchar, c_uint};
+use std::time::{Duration, Instant};
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, Freedoms, HapticDevice, TickTime};
@@ -51,6 +53,11 @@ const ERROR_NO_DEVICE: c_int = 5;
 const ERROR_TIMEOUT: c_int = 7;
 const ERROR_NOT_READY: c_int = 12;
 
+/// Silence after which the firmware switches the forces off, in its unit: 30 ms, of 32 that there can be. Slower ticks than
+/// 100 Hz have no room.
+const WATCHDOG: c_uchar = 240;
+const WATCHDOG_UNIT: Duration = Duration::from_micros(125);
+
 /// Whose limits a device has whose type is not known.
 const WEAKEST: &str = "touch";
 
@@ -72,6 +79,7 @@ vendor_functions! {
     has_active_wrist = "dhdHasActiveWrist": fn(c_char) -> bool;
     has_gripper = "dhdHasGripper": fn(c_char) -> bool;
     enable_force = "dhdEnableForce": fn(c_uchar, c_char) -> c_int;
+    set_watchdog = "dhdSetWatchdog": fn(c_uchar, c_char) -> c_int;
     pose = "dhdGetPositionAndOrientationFrame":
         fn(*mut c_double, *mut c_double, *mut c_double, *mut [[c_double; 3]; 3], c_char) -> c_int;
     velocity = "dhdGetLinearVelocity": fn(*mut c_double, *mut c_double, *mut c_double, c_char) -> c_int;
@@ -118,6 +126,8 @@ struct ForceDimension {
     /// Force between the fingers for the next command (N); positive opens, as the gap grows.
     gripper_force: f64,
     open: bool,
+    /// When the last command was sent, where the firmware keeps watch.
+    sent: Option<Instant>,
 }
 
 fn open(config: &DriverConfig) -> Opened {
@@ -130,11 +140,21 @@ fn open(config: &DriverConfig) -> Opened {
     }
     // A number of a device fits in the vendor's own type for it.
     let id = id as c_char;
-    let (spec, note) = spec(&functions, id);
+    let (spec, mut note) = spec(&functions, id);
+    // SAFETY: the device is open.
+    let watched = unsafe { (functions.set_watchdog)(WATCHDOG, id) } >= 0;
+    if !watched {
+        let unwatched = format!(
+            "{VENDOR}'s device `{}` has no watchdog: what it does where the program dies is up to its firmware",
+            spec.name
+        );
+        note = Some(note.map_or(unwatched.clone(), |note| format!("{note}; {unwatched}")));
+    }
+    let sent = watched.then(Instant::now);
     let range = config.gripper_range.filter(|range| range.is_finite() && *range > 0.0).unwrap_or(GRIPPER_RANGE);
     let (gripper_range, gripper_force) = (range, 0.0);
     let device =
-        ForceDimension { functions, _library: library, id, spec, note, gripper_range, gripper_force, open: true };
+        ForceDimension { functions, _library: library, id, spec, note, gripper_range, gripper_force, open: true, sent };
     // SAFETY: the device is open.
     if unsafe { (functions.enable_force)(1, id) } < 0 {
         let reason = format!("forces cannot be enabled: {}", functions.reason().1);
@@ -255,7 +275,18 @@ impl HapticDevice for ForceDimension {
         let grip = self.gripper_force;
         // SAFETY: the device is open.
         let answer = unsafe { (self.functions.set_wrench)(f.x, f.y, f.z, t.x, t.y, t.z, grip, self.id) };
-        if answer < 0 { Err(self.functions.error()) } else { Ok(()) }
+        if answer < 0 {
+            return Err(self.functions.error());
+        }
+        if let Some(sent) = &mut self.sent {
+            let now = Instant::now();
+            // After a silence the firmware has switched the forces off, and does not say so.
+            if now.duration_since(std::mem::replace(sent, now)) >= WATCHDOG_UNIT * u32::from(WATCHDOG) {
+                // SAFETY: the device is open; where this fails it is gone, which the next command tells.
+                unsafe { (self.functions.enable_force)(1, self.id) };
+            }
+        }
+        Ok(())
     }
 
     fn write_gripper(&mut self, effort: f64) {

@@ -5,6 +5,8 @@
 
 mod stand_in;
 
+use std::time::Duration;
+
 use nalgebra::Vector3;
 use palpate_devices::{DriverConfig, DriverError, driver};
 use palpate_haptics::device::{DeviceError, DeviceSpec, HapticDevice};
@@ -33,6 +35,24 @@ fn a_wall_of_500_newtons_per_metre_holds_the_hand_where_both_springs_balance() {
     // 350 (-0.01 - x) = 500 x
     assert!((height + 350.0 * 0.01 / 850.0).abs() < 1e-9, "{height} m");
     assert!((library.force()[2] + 500.0 * height).abs() < 1e-6);
+}
+
+/// A driver that has been silent for longer than the firmware waits finds the forces switched off, and switches them on.
+#[test]
+fn the_firmware_keeps_watch_and_forces_come_back_after_a_silence() {
+    let Some(library) = StandIn::build("dhd", &[]) else { return };
+    let mut device = open(&library.config()).unwrap();
+    assert_eq!((library.get("stand_in_watchdog"), device.note()), (240, None), "30 ms in units of 125 us");
+    std::thread::sleep(Duration::from_millis(35));
+    library.set("stand_in_bite", 1);
+    assert_eq!(library.get("stand_in_enabled"), 0);
+    device.write(Wrench::from_force(Vector3::z())).unwrap();
+    assert_eq!(library.get("stand_in_enabled"), 1);
+    drop(device);
+
+    library.set("stand_in_has_watchdog", 0);
+    let device = open(&library.config()).unwrap();
+    assert!(device.note().is_some_and(|note| note.contains("has no watchdog")), "{:?}", device.note());
 }
 
 #[test]

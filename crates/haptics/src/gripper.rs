@@ -149,11 +149,11 @@ impl Gripper {
     }
 
     /// What of a torque the account lets through \[N m\].
-    fn passive(&self, state: &GripperState, torque: f64, dt: f64) -> f64 {
-        let (along, mut flags) = (|x: f64| Vector3::new(x, 0.0, 0.0), TickFlags::default());
+    fn passive(&self, state: &GripperState, torque: f64, dt: f64, flags: &mut TickFlags) -> f64 {
+        let along = |x: f64| Vector3::new(x, 0.0, 0.0);
         let wanted = Wrench { force: along(torque), torque: Vector3::zeros() };
         let motion = Twist { linear: along(state.rate), angular: Vector3::zeros() };
-        self.passivity.act(&state.passivity, &wanted, &motion, dt, &mut flags).force.x
+        self.passivity.act(&state.passivity, &wanted, &motion, dt, flags).force.x
     }
 
     /// Remembers the torque that was sent, `dt` \[s\] after the tick before.
@@ -193,7 +193,7 @@ impl Gripper {
             self.keep(state, false, dt);
             return (0.0, 0.0);
         }
-        let target = self.passive(state, wanted, dt);
+        let target = self.passive(state, wanted, dt, flags);
         let cut = target.clamp(-self.max_torque, self.max_torque);
         flags.set_if(cut != target && self.max_torque > 0.0, TickFlags::TORQUE_LIMITED);
         let step = self.torque_slew * dt.max(0.0);
@@ -253,7 +253,9 @@ mod tests {
             let angle = state.device;
             // No delay in this device's record: the torque of a tick acts until the next.
             got += before.map_or(0.0, |(then, sent)| sent * (angle - then));
-            let (sent, withheld) = gripper.send(&mut state, torque(time, angle), 1.0, TICK, &mut TickFlags::default());
+            let mut flags = TickFlags::default();
+            let (sent, withheld) = gripper.send(&mut state, torque(time, angle), 1.0, TICK, &mut flags);
+            assert_eq!(flags.contains(TickFlags::PASSIVITY), withheld != 0.0, "{withheld} N m, {flags:?}");
             most = most.max(withheld.abs());
             before = Some((angle, sent));
         }

@@ -44,7 +44,7 @@ impl TickFlags {
     pub const LOCAL: Self = Self(1 << 14);
     /// The tool has gone so far since the snapshot that skin beyond its patch could touch it unseen.
     pub const BEYOND_PATCH: Self = Self(1 << 15);
-    /// The energy account of the port was overdrawn, and the wrench was reduced along the motion.
+    /// The energy account of the port, or of the gripper, was overdrawn, and what was sent was reduced along the motion.
     pub const PASSIVITY: Self = Self(1 << 16);
     /// The power given to the hand was cut to its limit.
     pub const POWER_LIMITED: Self = Self(1 << 17);

@@ -19,6 +19,8 @@ static int unplugged = 0;
 static int last_error = 0;
 static int system_type = 33; /* DHD_DEVICE_OMEGA3 */
 static int forces_enabled = 0;
+static int watchdog = 0;      /* units of 125 us */
+static int has_watchdog = 1;
 static int calls = 0;
 static int unplug_after = -1;
 static double gripper_force;
@@ -30,6 +32,10 @@ void stand_in_type(int type) { system_type = type; }
 void stand_in_hand(double x, double y, double z) { hand[0] = x; hand[1] = y; hand[2] = z; }
 int stand_in_open(void) { return open_count; }
 int stand_in_enabled(void) { return forces_enabled; }
+int stand_in_watchdog(void) { return watchdog; }
+void stand_in_has_watchdog(int has) { has_watchdog = has; }
+/* What the firmware does after a silence. */
+void stand_in_bite(int on) { if (on) forces_enabled = 0; }
 void stand_in_force(double *out)
 {
     for (int i = 0; i < 3; i++) {
@@ -98,6 +104,15 @@ int dhdEnableForce(unsigned char value, char id)
     (void)id;
     if (gone()) return fail(2); /* DHD_ERROR_COM */
     forces_enabled = value;
+    return 0;
+}
+
+int dhdSetWatchdog(unsigned char value, char id)
+{
+    (void)id;
+    if (gone()) return fail(2);
+    if (!has_watchdog) return fail(3); /* DHD_ERROR_DH_ERROR */
+    watchdog = value;
     return 0;
 }
 
