@@ -25,7 +25,8 @@ pub enum SolveStatus {
     Unsupported,
     /// The problem holds or produced numbers that are not finite; `lambda` is zero.
     NotFinite,
-    /// Sizes of the problem, of `lambda` or of the workspace's last preparation disagree; `lambda` is zero.
+    /// Sizes of the problem, of `lambda` or of the workspace's last preparation disagree, or a law's parameter is out of its
+    /// range (friction below zero); `lambda` is zero.
     Invalid,
     /// The problem is larger than the workspace; `lambda` is zero. Of Lemke's method also one that its tableau has no room for;
     /// `lambda` is then the admissible start.
@@ -72,40 +73,40 @@ impl SolveReport {
         self.status == SolveStatus::Solved
     }
 
-    /// The block that is farthest from its law, as a sentence: its number, law and rows, and the gap error that is left.
+    /// The block that is farthest from its law, as a sentence: its number, law and rows, and the gap error that is left. What
+    /// is wrong with the problem itself (a law out of its range, a `W` that is no compliance) is named whatever the status.
     #[must_use]
     pub fn explain(&self, problem: &ConstraintProblem) -> String {
+        let mistake = problem.validate_symmetric_to(ASYMMETRY).err();
         let Some(block) = problem.blocks().get(self.worst_block as usize) else {
-            return "the problem has no rows".to_string();
+            return mistake.map_or_else(|| "the problem has no rows".to_string(), |mistake| mistake.to_string());
         };
         let (law, first, last) = (block.law.name(), block.start, block.start + block.law.rows() - 1);
         let rows = if last > first { format!("rows {first} to {last}") } else { format!("row {first}") };
         let place = format!("block {} (`{law}`, {rows})", self.worst_block);
-        let mistake = problem.validate_symmetric_to(ASYMMETRY).err();
         if !self.worst_gap.is_finite() {
-            return match (problem.check_finite(), mistake) {
-                (Err(number), _) => format!("{place}: no residual could be computed: {number}"),
-                (_, Some(mistake)) => format!("{place}: the iteration diverged: {mistake}"),
-                _ if self.status == SolveStatus::NotFinite => format!(
+            return match (problem.check_finite(), self.status, mistake) {
+                (_, SolveStatus::Invalid, Some(mistake)) => format!("the problem was not solved: {mistake}"),
+                (Err(number), ..) => format!("{place}: no residual could be computed: {number}"),
+                (_, _, Some(mistake)) => format!("{place}: the iteration diverged: {mistake}"),
+                (_, SolveStatus::NotFinite, _) => format!(
                     "{place}: forces grew beyond what numbers hold, though the problem is finite: its compliance is too small \
                      for its gaps, or the iteration diverged"
                 ),
                 _ => format!("{place}: no residual could be computed, the problem is {}", self.status.in_words()),
             };
         }
-        let gap = self.worst_gap;
-        match self.status {
+        let (gap, conflicts) = (self.worst_gap, matches!(self.status, SolveStatus::Stalled | SolveStatus::NoSolution));
+        let farthest = match self.status {
             SolveStatus::Solved => format!("{place} has the largest gap error that is left, {gap:.1e} m"),
-            SolveStatus::Stalled | SolveStatus::NoSolution if mistake.is_some() => format!(
-                "{place} is farthest from its law, by a gap of {gap:.1e} m; {}",
-                mistake.map_or_else(String::new, |mistake| mistake.to_string())
-            ),
-            SolveStatus::Stalled | SolveStatus::NoSolution => format!(
+            _ if conflicts && mistake.is_none() => format!(
                 "{place} is farthest from its law, by a gap of {gap:.1e} m that no force was found to remove; it may \
                  conflict with other rows"
             ),
+            _ if conflicts => format!("{place} is farthest from its law, by a gap of {gap:.1e} m"),
             _ => format!("{place} is farthest from its law, by a gap of {gap:.1e} m when the run ended"),
-        }
+        };
+        mistake.map_or(farthest.clone(), |mistake| format!("{farthest}; {mistake}"))
     }
 
     /// A run that ended before a residual could be computed.

@@ -62,7 +62,8 @@ fn a_quick_chart_of_solvers_is_a_picture_and_tables_that_agree() {
     let place = Place::new();
     let run = place.run("chart solvers --quick --out charts");
     assert_eq!(run.code, Some(0), "{run:?}");
-    for file in ["solvers.svg", "solvers.csv", "solvers_profile.csv", "solvers_times.csv", "solvers_methods.csv"] {
+    let tables = ["solvers", "solvers_profile", "solvers_curves", "solvers_residual", "solvers_times", "solvers_methods"];
+    for file in tables.map(|name| format!("{name}.csv")).iter().chain([&"solvers.svg".to_string()]) {
         assert!(run.out.contains(file) && place.path(&format!("charts/{file}")).is_file(), "{file}: {}", run.out);
     }
     assert!(run.out.contains("no problem files"), "what was left out is told: {}", run.out);
@@ -89,6 +90,23 @@ fn a_quick_chart_of_solvers_is_a_picture_and_tables_that_agree() {
         let (solver, tolerance) = (text(&row, "solver"), number(&row, "tolerance"));
         assert_eq!(number(&row, "solves") as usize, of(solver, tolerance), "{solver}");
         assert_eq!(number(&row, "of"), 10.0);
+        // The curve ends at the share that the table counts.
+        let curves = table(&place, "charts/solvers_curves.csv");
+        let mine = curves.iter().rfind(|p| text(p, "solver") == solver && number(p, "tolerance") == tolerance).unwrap();
+        assert!((number(mine, "share of problems solved") - number(&row, "solves") / 10.0).abs() < 1e-12, "{solver}");
+    }
+    // Residuals against time fall from point to point, and are there for every solver of the three problems.
+    let residuals = table(&place, "charts/solvers_residual.csv");
+    for problem in ["block, nodes, 30 contacts", "block, faces, 30 contacts", "wedged block"] {
+        for solver in palpate::solver::solver::Solver::NAMES {
+            let mine = |row: &&Vec<(String, String)>| text(row, "problem") == problem && text(row, "solver") == *solver;
+            let points: Vec<_> = residuals.iter().filter(mine).collect();
+            assert!(!points.is_empty(), "{problem}, {solver}");
+            for pair in points.windows(2) {
+                let falls = number(pair[1], "residual") <= number(pair[0], "residual");
+                assert!(falls && number(pair[1], "time [ms]") >= number(pair[0], "time [ms]"), "{problem}, {solver}");
+            }
+        }
     }
     for row in table(&place, "charts/solvers_times.csv") {
         assert!(

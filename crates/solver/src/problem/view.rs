@@ -3,7 +3,7 @@
 use super::Block;
 use nalgebra::{Matrix3, Vector3};
 
-/// A contact problem that somebody else owns. Sizes are checked by [`ProblemView::is_consistent`] only, not by
+/// A contact problem that somebody else owns. Sizes and laws are checked by [`ProblemView::is_consistent`] only, not by
 /// construction: solvers check before they start.
 #[derive(Clone, Copy, Debug)]
 pub struct ProblemView<'a> {
@@ -25,7 +25,7 @@ impl<'a> ProblemView<'a> {
         self.delta_free.len()
     }
 
-    /// Whether the sizes agree and the blocks tile the rows. O(number of blocks).
+    /// Whether the sizes agree, the blocks tile the rows, and each law's parameters are in their range. O(number of blocks).
     #[must_use]
     pub fn is_consistent(&self) -> bool {
         let rows = self.rows();
@@ -37,7 +37,7 @@ impl<'a> ProblemView<'a> {
         let tiled = self.blocks.iter().all(|block| {
             let fits = block.start == next && (1..=3).contains(&block.law.rows());
             next = block.start.saturating_add(block.law.rows());
-            fits
+            fits && block.law.validate().is_ok()
         });
         tiled && next == rows && self.stride >= rows && needed.is_some_and(|needed| self.compliance.len() >= needed)
     }

@@ -28,6 +28,7 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
 
     work.expect(TOLERANCES.len() * all.len());
     let mut panels = Vec::new();
+    let mut curves = Table::new(&["tolerance", "solver", "time over the fastest", "share of problems solved"]);
     let mut summary =
         Table::new(&["solver", "tolerance", "solves", "of", "fastest on", "median of its times over the fastest"]);
     let mut every = Table::new(&[
@@ -43,7 +44,9 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
     ]);
     for tolerance in TOLERANCES {
         let runs = profile::run(&all, tolerance, settings, work);
-        panels.push(runs.panel());
+        let panel = runs.panel();
+        points(Value::Power(tolerance), &panel, &mut curves);
+        panels.push(panel);
         runs.summary(&mut summary);
         runs.rows(&all, &mut every);
     }
@@ -54,10 +57,13 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
     for named in tissue.iter().take_while(|named| work.next(&format!("{}: times", named.name))) {
         tick::row(named, if settings.quick { 3 } else { 20 }, &mut times);
     }
+    let mut residuals = Table::new(&["problem", "solver", "time [ms]", "residual"]);
     let watched = watched(&all, settings.quick);
     work.expect(watched.len());
     for named in watched.into_iter().take_while(|named| work.next(&format!("{}: residual", named.name))) {
-        panels.push(profile::residual_against_time(named, 1e-10, if settings.quick { 0.1 } else { 2.0 }));
+        let panel = profile::residual_against_time(named, 1e-10, if settings.quick { 0.1 } else { 2.0 });
+        points(named.name.as_str().into(), &panel, &mut residuals);
+        panels.push(panel);
     }
     let (methods, panel) = methods(settings, work)?;
     panels.push(panel);
@@ -68,11 +74,22 @@ pub(crate) fn measure(settings: &Settings, work: &Work) -> Result<Chart> {
     let tables = vec![
         named("solvers", "", every),
         named("solvers_profile", "Solvers over all problems", summary),
+        named("solvers_curves", "", curves),
+        named("solvers_residual", "", residuals),
         named("solvers_times", "Contact on tissue: median times on one core", times),
         methods,
     ];
     let title = "Contact solvers: problems solved against time, residual against time, and contact methods".into();
     Ok(Chart { title, panels, layout: Layout::columns(2), tables, notes })
+}
+
+/// The points of each solver's curve in a panel as rows, with what the panel is of in front.
+fn points(of: Value, panel: &Panel, table: &mut Table) {
+    for series in panel.series.iter().filter(|series| series.mark == Mark::Line) {
+        for &(x, y) in &series.points {
+            table.push(vec![of.clone(), series.name.as_str().into(), Value::Power(x), Value::Power(y)]);
+        }
+    }
 }
 
 /// The problems whose residual is drawn against time: contact at nodes, at faces, and one that is rank-deficient.
