@@ -20,9 +20,10 @@ use std::time::{Duration, Instant};
 mod block;
 mod organ;
 mod slab;
+use block::Drag;
 use organ::patch::Patch;
 use organ::{CELLS, benches, drag, liver_under_ball, measuring, press};
-use slab::{Slab, Tool};
+use slab::{Skin, Slab, Tool};
 
 /// Numbers of contacts.
 const CONTACTS: [usize; 4] = [10, 30, 60, 150];
@@ -216,9 +217,10 @@ fn main() {
         let dragged = CONTACTS.map(|contacts| Patch::of(&simulation, contacts).problem);
         let slab = Slab::new();
         println!("the slab has {} free nodes", slab.nodes());
-        let under = |tool| CONTACTS.map(|contacts| slab.problem(contacts, tool));
+        let under = |tool| CONTACTS.map(|contacts| slab.problem(contacts, tool, Skin::default()));
         let (flat, round, settled) = (under(Tool::Flat), under(Tool::Round), under(Tool::Settled));
-        let [nodes, faces] = [ContactKind::Nodes, ContactKind::Faces].map(|at| block::problems(at, CONTACTS));
+        let [nodes, faces] =
+            [ContactKind::Nodes, ContactKind::Faces].map(|at| block::problems(Drag::of_chart(at), CONTACTS));
         let mut summary = Vec::new();
         let sets = [
             ("pressed", &pressed),

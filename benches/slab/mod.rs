@@ -2,6 +2,7 @@
 //!
 //! One point on each face of a patch has more rows than the patch's nodes have degrees of freedom, from 30 points on:
 //! Gauss-Seidel then needs hundreds of sweeps and more, where 60 do on the nodes of the liver's skin.
+#![allow(dead_code)] // two benches use it, one of them the number of nodes
 
 use std::sync::Arc;
 
@@ -33,7 +34,6 @@ const INCLUSION_YOUNG: f64 = 3e6;
 const INCLUSION_RADIUS: f64 = 0.016;
 
 const POISSON: f64 = 0.45;
-const FRICTION: f64 = 0.5;
 /// Step (s).
 const DT: f64 = 1.0 / 30.0;
 
@@ -50,6 +50,21 @@ pub(crate) enum Tool {
     Round,
     /// A tool that the skin has settled on: all faces carry a smooth pressure, and the tool goes on by a tenth.
     Settled,
+}
+
+/// The skin under the tool.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Skin {
+    /// Friction coefficient.
+    pub(crate) friction: f64,
+    /// Where on its face each point lies hangs on this number.
+    pub(crate) seed: u64,
+}
+
+impl Default for Skin {
+    fn default() -> Self {
+        Self { friction: 0.5, seed: 23 }
+    }
 }
 
 /// Numbers in `[0, 1)`, the same in every run (SplitMix64).
@@ -141,8 +156,8 @@ impl Slab {
     }
 
     /// The problem of a tool that presses on one point of each of so many neighbouring faces, and slides.
-    pub(crate) fn problem(&self, contacts: usize, tool: Tool) -> ConstraintProblem {
-        let mut random = Random(23);
+    pub(crate) fn problem(&self, contacts: usize, tool: Tool, skin: Skin) -> ConstraintProblem {
+        let mut random = Random(skin.seed);
         let points: Vec<([u32; 3], [f64; 3], Vector3<f64>)> = (self.faces(contacts).into_iter())
             .map(|face| {
                 let weights = [0.2 + random.unit(), 0.2 + random.unit(), 0.2 + random.unit()];
@@ -169,7 +184,7 @@ impl Slab {
                 rows.push_row(free.into_iter().zip(weights.map(|w| direction * w)));
                 problem.delta_free_mut()[3 * k + c] = if c == 0 { gap } else { direction.dot(&slide) };
             }
-            problem.push_block(Law::Coulomb(Coulomb { friction: FRICTION }));
+            problem.push_block(Law::Coulomb(Coulomb { friction: skin.friction }));
         }
         let mut w = DMatrix::zeros(rows.len(), rows.len());
         let mut reach = ReachWorkspace::new(self.factor.symbolic(), rows.len());

@@ -68,9 +68,7 @@ fn numbers_that_are_not_finite_end_as_such_with_zero_force() {
 fn laws_out_of_their_range_are_refused_by_every_solver_and_named() {
     let w: Vec<f64> = (0..9).map(|k| if k % 4 == 0 { 1.0 } else { 0.0 }).collect();
     let coulomb = |friction| problem(&w, &[-1.0, 0.5, 0.0], &[Coulomb { friction }.into()]);
-    let threshold = |limit| {
-        problem(&[1.0, 0.0, 0.0, 1.0], &[-1.0; 2], &[Signorini.into(), Threshold { limit }.into()])
-    };
+    let threshold = |limit| problem(&[1.0, 0.0, 0.0, 1.0], &[-1.0; 2], &[Signorini.into(), Threshold { limit }.into()]);
     for (problem, words) in [
         (coulomb(-0.3), ["block 0", "rows from 0", "friction = -0.3"]),
         (coulomb(f64::NAN), ["block 0", "rows from 0", "friction = NaN"]),

@@ -62,7 +62,8 @@ fn a_quick_chart_of_solvers_is_a_picture_and_tables_that_agree() {
     let place = Place::new();
     let run = place.run("chart solvers --quick --out charts");
     assert_eq!(run.code, Some(0), "{run:?}");
-    let tables = ["solvers", "solvers_profile", "solvers_curves", "solvers_residual", "solvers_times", "solvers_methods"];
+    let tables =
+        ["solvers", "solvers_profile", "solvers_curves", "solvers_residual", "solvers_times", "solvers_methods"];
     for file in tables.map(|name| format!("{name}.csv")).iter().chain([&"solvers.svg".to_string()]) {
         assert!(run.out.contains(file) && place.path(&format!("charts/{file}")).is_file(), "{file}: {}", run.out);
     }
