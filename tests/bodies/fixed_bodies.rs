@@ -234,6 +234,4 @@ fn mistakes_are_told_with_their_place() {
         assert!(message.contains(said), "{said:?} is not in: {message}");
         assert!(message.contains(':'), "no place: {message}");
     }
-    let direct = good.replace("[contact]", "[contact]\nmethod = \"penalty\"");
-    assert!(build(&direct).unwrap().contains("knows the soft body and the tool alone"));
 }

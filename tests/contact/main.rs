@@ -6,6 +6,7 @@ mod block;
 mod bad_input;
 mod deep_press;
 mod direct;
+mod direct_bodies;
 mod elements;
 mod faces_at_rest;
 mod fixed_skin;

@@ -50,11 +50,6 @@ fn methods_that_a_changing_body_does_not_go_with_are_refused() {
     refused("integrator = \"newton\"", event, &["newton", "backward_euler"]);
     refused("integrator = \"explicit\"", event, &["explicit", "backward_euler"]);
     refused("element = \"averaged\"", event, &["averaged", "quadratic"]);
-    for method in ["lagrange", "penalty"] {
-        let text = block::TOML.replace("[contact]\n", &format!("[contact]\nmethod = \"{method}\"\n"));
-        let error = Scene::from_toml(&format!("{text}\n{event}"), Path::new("")).expect_err("refused");
-        assert!(error.to_string().contains(method), "{error}");
-    }
 }
 
 #[test]

@@ -33,7 +33,8 @@ pub(crate) struct SolveArguments {
     /// Residual to reach (natural map, relative to the violated gaps).
     #[arg(long, value_name = "T", default_value = "1e-6", value_parser = tolerance, allow_negative_numbers = true)]
     pub(crate) tol: f64,
-    /// Limit of iterations; the solver's own by default.
+    /// Limit of iterations, of each attempt where `automatic` makes several; the solver's own by default. `conic_qp` is one
+    /// program, which it does not limit.
     #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true)]
     pub(crate) max_iter: Option<u32>,
     /// Part of each local change that Gauss-Seidel takes, above 0 and at most 1.

@@ -8,50 +8,16 @@
 
 use nalgebra::{Isometry3, Vector3};
 use palpate_collision::contact::ContactSet;
-use palpate_collision::solid_contact::{Placed, SolidContact, meet};
+use palpate_collision::solid_contact::{Placed, meet};
 use palpate_collision::tool::{Jaw, ToolPose};
 use palpate_collision::{Solid, detect_solid};
 use palpate_constraints::law::Law;
 use palpate_constraints::rows::{Counterpart, RowInput, RowReport, ToolMotion, append_rows, append_solid_rows};
-use palpate_constraints::warm_start::WarmStart;
 use palpate_rigid::RigidState;
 
+use super::pair_state::PairContacts;
 use super::{StepReport, StepState, StepWorkspace};
-use crate::world::{Change, Far, MOST_PAIRS, Near, Pair, World};
-
-/// What the step remembers of a pair of bodies.
-pub(super) struct PairState {
-    contacts: PairContacts,
-    warm_start: WarmStart,
-}
-
-/// Contacts of the last step.
-enum PairContacts {
-    Tissue(ContactSet),
-    Solids(Vec<SolidContact>),
-}
-
-impl PairState {
-    pub(super) fn new(pair: &Pair) -> Self {
-        let most = pair.detection.max_contacts;
-        let contacts = match pair.near {
-            Near::Soft => PairContacts::Tissue(ContactSet::with_capacity(most)),
-            Near::Rigid(_) | Near::Fixed(_) => PairContacts::Solids(Vec::with_capacity(most)),
-        };
-        Self { contacts, warm_start: WarmStart::with_capacity(most) }
-    }
-
-    /// Renumbers the skin's features where an event has changed it.
-    pub(super) fn renumber(&mut self, change: &Change) {
-        if matches!(self.contacts, PairContacts::Tissue(_)) {
-            self.warm_start.renumber(|feature| change.feature(feature));
-        }
-    }
-
-    pub(super) fn forget(&mut self) {
-        self.warm_start.clear();
-    }
-}
+use crate::world::{Far, MOST_PAIRS, Near, World};
 
 /// Contacts of fixed and rigid bodies in one step.
 #[derive(Clone, Copy, Debug, PartialEq)]

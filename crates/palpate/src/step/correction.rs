@@ -19,8 +19,10 @@ use crate::world::{Integration, World};
 /// correction begins there.
 fn correction(world: &World, factor: &FactorSample, begins: bool, ws: &mut StepWorkspace) -> bool {
     if let Some(direct) = &ws.direct {
-        ws.correction.copy_from_slice(&direct.motion);
-        return true;
+        let tissue = ws.correction.len();
+        ws.correction.copy_from_slice(direct.of_tissue(tissue));
+        // From the forces, so that what one body gains in momentum the others lose.
+        return ws.rigid.correct(&ws.rows, &ws.lambda[..ws.rows.len()], ws.dt);
     }
     if let Some(newton) = &mut ws.newton {
         newton.carried.iter_mut().zip(&ws.lambda).for_each(|(carried, lambda)| *carried = lambda - *carried);

@@ -1,4 +1,4 @@
-//! Contact by Lagrange multipliers over the whole body; see [`palpate_solver::lagrange`]. It allocates where the
+//! Contact by Lagrange multipliers over all bodies; see [`palpate_solver::lagrange`]. It allocates where the
 //! contacts touch other nodes than in the step before.
 //!
 //! A step has no limit of time, here as for every other solver: where it met one would hang on the load of the machine, and
@@ -9,7 +9,7 @@ use palpate_solver::lagrange::{LagrangeConfig, LagrangeProblem, LagrangeWorkspac
 use palpate_solver::report::SolveReport;
 
 use super::StepWorkspace;
-use super::direct::{DirectMethod, DirectStage};
+use super::direct::{DirectMethod, DirectStage, system_and_rows};
 use super::forces::NOT_SOLVED;
 
 /// The system matrix as Clarabel takes it: the upper triangle by columns.
@@ -55,15 +55,16 @@ impl LagrangeStage {
 /// Forces into `ws.lambda`, motion into the stage; programs as many as the scene's solver may take iterations.
 pub(super) fn lagrange(ws: &mut StepWorkspace) -> SolveReport {
     let (m, limits) = (ws.rows.len(), ws.limits);
-    let Some(DirectStage { method: DirectMethod::Lagrange(stage), motion, .. }) = &mut ws.direct else {
+    let Some(DirectStage { method: DirectMethod::Lagrange(stage), coupled, motion, .. }) = &mut ws.direct else {
         return NOT_SOLVED;
     };
+    let (system, rows) = system_and_rows(coupled.as_ref(), &ws.fem.system, &ws.rows);
     for (value, &(block, r, c)) in stage.value.iter_mut().zip(&stage.source) {
-        *value = ws.fem.system.blocks[block][(r, c)];
+        *value = system.blocks[block][(r, c)];
     }
     stage.jacobian.clear();
     for r in 0..m {
-        for (node, value) in ws.rows.tissue.row(r) {
+        for (node, value) in rows.row(r) {
             stage.jacobian.extend((0..3).map(|c| (r, 3 * node as usize + c, value[c])).filter(|e| e.2 != 0.0));
         }
     }

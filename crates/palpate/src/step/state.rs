@@ -8,8 +8,8 @@ use palpate_fem::model::FemState;
 use palpate_rigid::RigidState;
 use std::sync::Arc;
 
-use super::bodies::PairState;
 use super::climb::Climb;
+use super::pair_state::PairState;
 use super::prediction::Prediction;
 use super::tangle::Trouble;
 use crate::refresh::FactorSample;

@@ -173,11 +173,6 @@ fn contact_method(scene: &SceneDescription, source: &Source<'_>) -> Checked {
         let remedy = "set integrator = \"backward_euler\", or method = \"compliance\"";
         return Err(source.at("contact.method", message, remedy));
     }
-    if c.method != ContactMethod::Compliance && !(scene.fixed_bodies.is_empty() && scene.rigid_bodies.is_empty()) {
-        let message = format!("`{}` knows the soft body and the tool alone", c.method.name());
-        let remedy = "set method = \"compliance\", or remove the fixed and rigid bodies";
-        return Err(source.at("contact.method", message, remedy));
-    }
     if c.method != ContactMethod::Compliance && !matches!(c.law, ContactLawKind::Coulomb | ContactLawKind::Signorini) {
         let message = format!("`{}` knows the laws `coulomb` and `signorini`, not `{}`", c.method.name(), c.law.name());
         return Err(source.at("contact.law", message, "set one of the two, or method = \"compliance\""));

@@ -2,7 +2,7 @@
 
 use palpate_fem::element::ElementKind;
 
-use super::super::description::{ContactMethod, IntegratorKind, SceneDescription};
+use super::super::description::{IntegratorKind, SceneDescription};
 use super::super::parse::Source;
 use super::Checked;
 use super::body::selection;
@@ -48,10 +48,6 @@ fn methods(scene: &SceneDescription, source: &Source<'_>) -> Checked {
             let method = format!("element `{}`", body.element.name());
             return refuse(&format!("body.{k}.element"), method, "set element = \"quadratic\" or \"linear\"");
         }
-    }
-    if scene.contact.method != ContactMethod::Compliance {
-        let method = format!("method `{}`", scene.contact.method.name());
-        return refuse("contact.method", method, "set method = \"compliance\"");
     }
     Ok(())
 }

@@ -12,7 +12,7 @@ pub enum ContactMethod {
     /// Indirect: free motion, compliance of the contacts, the scene's solver, correction.
     #[default]
     Compliance,
-    /// Direct: one program of body and contacts with Lagrange multipliers. For comparison: it allocates, and takes seconds a
+    /// Direct: one program of all bodies and contacts with Lagrange multipliers. For comparison: it allocates, and takes seconds a
     /// step on bodies of thousands of nodes. With `integrator = "backward_euler"` only.
     Lagrange,
     /// Direct: springs and dampers in place of laws, implicit. For comparison: the skin lies in the tool as deep as the force
