@@ -12,5 +12,6 @@ mod grasp_force;
 mod grasper;
 mod hand_entries;
 mod hand_over;
+mod many_corners;
 mod rates;
 mod tool_at_fixed_bodies;

@@ -2,14 +2,17 @@
 
 use crate::counted::counted;
 use crate::scene::SceneDescription;
-use crate::step::StepReport;
+use crate::step::{BODY_CONTACTS, StepReport};
 use crate::tick::{TickFlags, TickRecord};
 
-/// Contacts beyond the capacity that the scene states: those of the tool with the tissue, and those of other bodies.
+/// Contacts beyond the capacity that the scene states: those of the tool with the tissue, and those of other bodies; and those
+/// beyond what a patch holds.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Room {
     tool: Dropped,
     bodies: Dropped,
+    /// Of the tool with rigid bodies, which the tick does without.
+    patch: Dropped,
     /// Time of the first tick that had more contacts than room (s).
     first_tick: Option<f64>,
 }
@@ -31,6 +34,7 @@ impl Room {
         let tool = report.detection.dropped as u64;
         self.tool.add(tool, report.time);
         self.bodies.add(report.dropped() - tool, report.time);
+        self.patch.add(report.bodies.left_of_tool.into(), report.time);
     }
 
     /// Notes the first tick that had more contacts than room; the port counts them.
@@ -42,7 +46,7 @@ impl Room {
 
     /// All of those of steps.
     pub(super) fn dropped(&self) -> u64 {
-        self.tool.contacts + self.bodies.contacts
+        self.tool.contacts + self.bodies.contacts + self.patch.contacts
     }
 
     /// What there is to say of them and of so many ticks, with the keys that make room.
@@ -60,6 +64,11 @@ impl Room {
                 .collect();
             format!("{dropped}: give them a greater `max_contacts` (now {})", rooms.join(", "))
         });
+        let patch = self.patch.sentence("of the tool with rigid bodies").map(|dropped| {
+            format!(
+                "{dropped}; the tick had the {BODY_CONTACTS} deepest: give the tool, or those bodies, fewer corners"
+            )
+        });
         let ticks = self.first_tick.map(|first| {
             format!(
                 "{} had more contacts than room, the first at {first:.3} s; the deepest were kept: give [contact] \
@@ -67,7 +76,7 @@ impl Room {
                 counted(ticks, "tick", "ticks")
             )
         });
-        tool.into_iter().chain(bodies).chain(ticks).collect()
+        tool.into_iter().chain(bodies).chain(patch).chain(ticks).collect()
     }
 }
 

@@ -32,6 +32,8 @@ pub struct BodiesReport {
     pub handed_over: u32,
     /// Contacts for which there was no room among them: the tick does without.
     pub left_to_step: u32,
+    /// Those of them that are the tool's with rigid bodies, of which the tick has the deepest.
+    pub left_of_tool: u32,
     /// Numbers that are not finite, in poses or surfaces.
     pub non_finite: u32,
     /// Least gap at the begin of the step (m); infinite without contacts.
@@ -48,6 +50,7 @@ impl BodiesReport {
         dropped: 0,
         handed_over: 0,
         left_to_step: 0,
+        left_of_tool: 0,
         non_finite: 0,
         deepest_gap: f64::INFINITY,
         digest: 0,

@@ -3,13 +3,16 @@
 //! They are found anew where the step has left everything, as far as tissue and tool may get until two more steps have passed:
 //! so a wall that is met between two steps is there. Their forces are those of the step's contacts of the same name.
 //!
-//! There is room for [`BODY_CONTACTS`] that yield. The tool's must all fit; of the others the deepest do.
+//! There is room for [`BODY_CONTACTS`] that yield. The tool's come first, those that press most and then the deepest; of the
+//! others the deepest have what room is left. What finds none is counted.
 //!
 //! A wall that presses and goes on pressing is condensed into the compliance of the patch, as contacts between two bodies that
 //! move are. With such walls as rows of their own the sweeps of a tick would have to find out again how stiff a body on a table
 //! is, whose compliance without the table is that of its mass: measured, 700 sweeps where there is time for 30, and a tick that
 //! pulls at a block which the step presses down. So the walls of the tick are those that tissue is about to meet or to leave:
 //! those without force, and those whose force, going on as from the step before to this one, ends within [`STEPS`] more.
+
+use std::cmp::Ordering;
 
 use nalgebra::{Matrix3, Vector3};
 use palpate_collision::contact::ContactSet;
@@ -78,8 +81,8 @@ impl BodyContactStage {
         }
     }
 
-    /// Finds them around the end of the step; false where the tool's do not fit. `reach` (m): how far things may get. Where the
-    /// tool has nothing but walls in reach, `skin` being none of it, nothing of what it does gets to the others.
+    /// Finds them around the end of the step. `reach` (m): how far things may get. Where the tool has nothing but walls in
+    /// reach, `skin` being none of it, nothing of what it does gets to the others.
     pub(super) fn find(
         &mut self,
         world: &World,
@@ -88,14 +91,14 @@ impl BodyContactStage {
         state: &StepState,
         ws: &mut StepWorkspace,
         report: &mut StepReport,
-    ) -> bool {
+    ) {
         self.rows.clear();
         self.found.clear();
         std::mem::swap(&mut self.now, &mut self.before);
         self.now.clear();
         self.count = 0;
         if self.room == 0 {
-            return true;
+            return;
         }
         let mut of_tool = 0;
         for (k, pair) in world.bodies().pairs.iter().enumerate().filter(|(_, pair)| is_seen(pair)) {
@@ -108,14 +111,14 @@ impl BodyContactStage {
             }
         }
         // The pairs of the tool come first of all.
-        let of_walls = self.found.get_mut(of_tool..).unwrap_or_default();
-        of_walls.sort_unstable_by(|a, b| {
-            let by_gap = a.gap.total_cmp(&b.gap);
-            by_gap.then(a.pair.cmp(&b.pair)).then(a.feature.cmp(&b.feature))
-        });
+        let (at_tool, of_walls) = self.found.split_at_mut(of_tool);
+        if at_tool.len() > self.room {
+            at_tool.sort_unstable_by(by_force);
+        }
+        of_walls.sort_unstable_by(by_gap);
         self.count = self.found.len().min(self.room);
         report.bodies.left_to_step = (self.found.len() - self.count) as u32;
-        of_tool <= self.room
+        report.bodies.left_of_tool = of_tool.saturating_sub(self.room) as u32;
     }
 
     /// The contacts of one pair, at the end of the step.
@@ -202,6 +205,17 @@ impl BodyContactStage {
             Some(BodyContact { force: contact.frame.tr_mul(&found.force), ..contact })
         })
     }
+}
+
+/// By gap, and by name where two are as deep.
+fn by_gap(a: &Found, b: &Found) -> Ordering {
+    a.gap.total_cmp(&b.gap).then(a.pair.cmp(&b.pair)).then(a.feature.cmp(&b.feature))
+}
+
+/// By force, then by gap: all that carry a force are as deep, to the tolerance of the solver, and what those carry that are
+/// left out is missing at the hand.
+fn by_force(a: &Found, b: &Found) -> Ordering {
+    b.force.norm_squared().total_cmp(&a.force.norm_squared()).then_with(|| by_gap(a, b))
 }
 
 /// Whether the tick has the contacts of a pair.

@@ -74,7 +74,7 @@ use crate::scene::Refactor;
 use crate::world::{Change, Integration, World};
 
 pub use bodies::{BodiesReport, PairForce};
-pub(crate) use body_contacts::capacity as yielding_contacts;
+pub(crate) use body_contacts::{BODY_CONTACTS, capacity as yielding_contacts};
 pub(crate) use change::pass_next_event;
 pub use change::{ChangeReport, FactorFit, pass_events};
 pub use climb::Climb;

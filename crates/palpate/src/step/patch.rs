@@ -80,8 +80,8 @@ pub(super) fn fill(
     report.patch = gather(world, input, before, state, ws, &mut stage, patch);
     patch.left_out = report.patch.left_out as u32;
     let reach = travel(world.tool(), before, &input.tool);
-    report.frozen_at_rigid = !stage.bodies.find(world, input, (reach, !patch.is_empty()), state, ws, report)
-        || !push_bodies(world, input, ws, &stage.bodies, patch);
+    stage.bodies.find(world, input, (reach, !patch.is_empty()), state, ws, report);
+    report.frozen_at_rigid = !push_bodies(world, input, ws, &stage.bodies, patch);
     if !report.frozen_at_rigid {
         report.bodies.handed_over = patch.bodies.all().len() as u32;
         patch.valid = patch.degrees_of_freedom() == 0 || compliance(world, input, state, ws, &mut stage, report, patch);
