@@ -9,9 +9,9 @@ use nalgebra::Vector3;
 use palpate::constraints::compliance::ComplianceMethod;
 use palpate::haptics::coupling::{CouplingConfig, Spring};
 use palpate::run::{Length, RunOptions, RunOutcome};
-use palpate::scene::{SceneDescription, TickMethod};
+use palpate::scene::{Scene, SceneDescription, TickMethod};
 use palpate::simulation::Simulation;
-use palpate::tick::TickFlags;
+use palpate::tick::{TickFlags, TickRecord};
 
 use crate::block::{Recorder, record, scene, world};
 
@@ -95,6 +95,30 @@ fn in_press_and_slide_palpation_no_snapshot_makes_the_force_jump() {
             largest.push(quantile(&jumps, 1.0));
         }
         assert!(largest[2] < 0.1 * largest[0] && largest[3] < 0.1 * largest[0], "{largest:?}: frozen rows jump");
+    }
+}
+
+/// The bundled palpation of the liver at every rate of the tissue that the charts show: at each snapshot the force jumps by less
+/// than 5 % of itself or 20 mN, whichever is more.
+#[test]
+fn in_the_palpation_of_the_liver_no_snapshot_makes_the_force_jump_at_any_rate() {
+    for (rate, least) in [(10.0, 50), (30.0, 150), (100.0, 500)] {
+        let mut scene = Scene::bundled("liver").unwrap();
+        scene.edit(|scene| scene.rates.step = rate).unwrap();
+        let (outcome, recorder) = record(&scene.build().unwrap(), &lockstep(10.0));
+        let records = recorder.ticks.iter().map(|tick| &tick.record);
+        let swaps: Vec<_> = records.filter(|r| r.flags.contains(TickFlags::NEW_SNAPSHOT) && r.active > 0).collect();
+        let share = |r: &TickRecord| r.force_jump / (0.05 * r.contact_wrench.force.norm()).max(0.020);
+        let worst = swaps.iter().max_by(|a, b| share(a).total_cmp(&share(b))).expect("it touches");
+        let (jump, force) = (worst.force_jump, worst.contact_wrench.force.norm());
+        println!(
+            "{rate} Hz: worst of {} snapshots {:.1} mN of {force:.3} N at {:.3} s",
+            swaps.len(),
+            1e3 * jump,
+            worst.time
+        );
+        assert!(swaps.len() > least && outcome.summary.largest_force > 0.7, "{:?}", outcome.summary);
+        assert!(share(worst) < 1.0, "{rate} Hz: {jump} of {force} N at {} s", worst.time);
     }
 }
 

@@ -12,6 +12,7 @@ mod grasp_force;
 mod grasper;
 mod hand_entries;
 mod hand_over;
+mod hull;
 mod many_corners;
 mod rates;
 mod tool_at_fixed_bodies;
