@@ -126,7 +126,7 @@ fn lagrange_multipliers_give_the_motion_of_exact_compliance_with_bodies_of_every
             moved = x.iter().zip(&start).map(|(x, y)| (x - y).norm()).fold(moved, f64::max);
         }
         println!("{name}: up to {active} contacts, moved by {moved:.1e} m, apart by {far:.1e} m");
-        assert!(active >= 3 && moved > 1e-3, "{name}: {active} contacts, {moved} m");
+        assert!(active >= 2 && moved > 1e-3, "{name}: {active} contacts, {moved} m");
         assert!(far < 1e-8, "{name}: {far} m");
     }
 }
@@ -144,7 +144,7 @@ fn what_a_ball_loses_the_block_gains() {
         (0..20).for_each(|_| active = active.max(step(&mut sim).bodies.active));
         let (lost, gained) = (momentum(&sim) - before, (sim.state().rigid[0].velocity - ball).norm());
         println!("{method}: {active} contacts, the ball's velocity changes by {gained:.3} m/s, momentum by {lost:?}");
-        assert!(active >= 3 && gained > 0.5);
+        assert!(active >= 2 && gained > 0.5);
         // Of about 0.45 kg m/s; twenty steps that balance to 1e-10.
         assert!(lost.norm() < 1e-9, "{method}: {lost:?}");
     }

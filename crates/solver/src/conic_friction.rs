@@ -23,6 +23,7 @@
 use crate::conic::{ConicPrograms, Corrections, Until};
 use crate::gauss_seidel::{GaussSeidelWorkspace, sweep};
 use crate::iteration::{self, Advance, Stop};
+use crate::open_contacts::form_gap_of_closed;
 use crate::problem::ProblemView;
 use crate::report::{SolveReport, SolveStatus};
 use crate::solver::ConstraintSolver;
@@ -116,7 +117,7 @@ impl ConstraintSolver for ConicFrictionConfig {
             }
             let given = corrections.next(view, &ws.delta, |row| programs.scale(row));
             match programs.solve(view, given, until, lambda) {
-                Ok(()) => view.gap(lambda, &mut ws.delta),
+                Ok(()) => form_gap_of_closed(view, lambda, &mut ws.delta),
                 Err(status) => return Advance::Ended(status),
             }
             Advance::Formed

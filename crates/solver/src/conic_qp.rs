@@ -14,6 +14,7 @@
 use crate::conic::{ConicPrograms, Until};
 use crate::gauss_seidel::GaussSeidelWorkspace;
 use crate::iteration::{self, Advance, Stop};
+use crate::open_contacts::form_gap_of_closed;
 use crate::problem::ProblemView;
 use crate::report::{SolveReport, SolveStatus};
 use crate::solver::ConstraintSolver;
@@ -91,7 +92,7 @@ impl ConstraintSolver for ConicQpConfig {
             let until = Until { deadline, enough: 0.0 };
             let solved = programs.prepare(view, &ws.local).and_then(|()| programs.solve(view, &[], until, lambda));
             match solved {
-                Ok(()) => view.gap(lambda, &mut ws.delta),
+                Ok(()) => form_gap_of_closed(view, lambda, &mut ws.delta),
                 Err(status) => return Advance::Ended(status),
             }
             Advance::Formed

@@ -27,6 +27,7 @@ pub mod lagrange;
 pub mod lemke;
 pub mod newton;
 pub mod nncg;
+mod open_contacts;
 pub mod problem;
 pub mod problem_file;
 mod proximal;

@@ -18,6 +18,7 @@
 mod program;
 
 use crate::conic::{Corrections, Until};
+use crate::open_contacts::release;
 use crate::problem::ProblemView;
 use crate::report::{SolveReport, SolveStatus};
 use crate::residual::{natural_map, scale};
@@ -78,6 +79,9 @@ impl std::fmt::Debug for LagrangeWorkspace {
 }
 
 /// Solves for the motion `w` (m/s) that contact adds, and its forces (N): finite and admissible whatever the status.
+///
+/// Open contacts have no force at all: what a program leaves there is taken off, and the balance is off by as much, which is
+/// within the tolerance.
 ///
 /// Takes laws whose forces are all, not negative, or in a second-order cone; others end as
 /// [`SolveStatus::Unsupported`]. The report counts interior-point iterations: factorisations of the system of body and
@@ -141,6 +145,7 @@ pub fn solve_watched(
             return SolveReport { status, iterations, ..best };
         }
         gaps(problem, &ws.motion, &mut ws.delta);
+        release(view, &ws.delta, &mut ws.force);
         let residual = natural_map(view, scale, &ws.delta, &ws.force);
         if !residual.relative.is_finite() {
             return SolveReport { status: SolveStatus::NotFinite, iterations, ..best };

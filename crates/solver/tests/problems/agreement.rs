@@ -24,6 +24,14 @@ fn sphere(contacts: usize, law: impl Fn(usize) -> Law) -> ConstraintProblem {
     ConstraintProblem::new(w, free, laws).unwrap()
 }
 
+/// The same, with every other contact a sphere's depth away, so that it stays open.
+fn every_other_open(law: impl Fn(usize) -> Law) -> ConstraintProblem {
+    let mut problem = sphere(12, law);
+    let starts: Vec<usize> = problem.blocks().iter().map(|block| block.start).collect();
+    starts.into_iter().skip(1).step_by(2).for_each(|row| problem.delta_free_mut()[row] += 8e-3);
+    problem
+}
+
 /// Name, problem, and whether its forces are unique.
 fn problem_set() -> Vec<(&'static str, ConstraintProblem, bool)> {
     let mixed = |k: usize| match k % 5 {
@@ -42,6 +50,8 @@ fn problem_set() -> Vec<(&'static str, ConstraintProblem, bool)> {
         ("sphere, 8 facets", sphere(12, |_| FacetedCoulomb { friction: 0.4, facets: 8 }.into()), true),
         ("sphere, Coulomb", sphere(12, |_| Coulomb { friction: 0.4 }.into()), true),
         ("sphere, all laws", sphere(12, mixed), true),
+        ("half open, frictionless", every_other_open(|_| Signorini.into()), true),
+        ("half open, Coulomb", every_other_open(|_| Coulomb { friction: 0.4 }.into()), true),
         ("rigid stool", rigid_stool(), false),
         ("wedged block", between_walls([-2e-5, 2e-5], -9.81e-6, 0.6), false),
         ("rod, friction 1", painleve_rod(1.0, 0.1), true),
@@ -83,6 +93,7 @@ fn all_solvers_agree_on_gaps_and_where_unique_on_forces() {
         .filter_map(|name| Solver::from_name(name))
         .map(|solver| solver.limited(TOLERANCE, Some(20_000)))
         .collect();
+    let mut open = 0;
     for (name, problem, unique) in problem_set() {
         let runs = run_all(std::slice::from_ref(&problem), &solvers, None, 0);
         let reference = runs.iter().find(|run| run.solver == "semismooth_newton").unwrap();
@@ -102,10 +113,21 @@ fn all_solvers_agree_on_gaps_and_where_unique_on_forces() {
                 // The gap error is at most the condition of the scaled problem, below 1e2 here, times the residual.
                 assert!(gaps <= 1e2 * TOLERANCE, "{name}, {}: {gaps:e}", run.solver);
                 assert!(!unique || forces <= 1e3 * TOLERANCE, "{name}, {}: {forces:e}", run.solver);
+                // What is open by far more than the error of the gaps has no force at all: not a little, as interior points
+                // leave it.
+                let delta = gap(&problem, run);
+                for block in problem.blocks().iter().filter(|block| block.law.name() != "bilateral") {
+                    let is_open = delta[block.start] > 1e4 * TOLERANCE * size;
+                    let force = &run.lambda[block.start..block.start + block.law.rows()];
+                    assert!(!is_open || force.iter().all(|f| *f == 0.0), "{name}, {}: {force:?}", run.solver);
+                    open += usize::from(is_open);
+                }
             }
         }
         assert!(runs.iter().any(|run| run.solver == "automatic" && run.report.is_solved()), "{name}");
     }
+    // Six contacts of two problems, by each solver that solves them.
+    assert!(open >= 6 * (2 * Solver::NAMES.len() - 1), "{open} contacts are open");
 }
 
 /// Friction that a `k`-gon loses: its support along a heading is `cos(pi / k)` of the disc's at worst, `1 - cos(pi / k) =
