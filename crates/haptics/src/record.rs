@@ -22,9 +22,9 @@ impl TickFlags {
     pub const STALE: Self = Self(1 << 3);
     /// The force is rising after a start or an interruption.
     pub const FADE_IN: Self = Self(1 << 4);
-    /// The force was cut to its limit.
+    /// The force was cut to its limit, by the tick or by the device.
     pub const FORCE_LIMITED: Self = Self(1 << 5);
-    /// The torque was cut to its limit.
+    /// The torque, or that of the gripper, was cut to its limit, by the tick or by the device.
     pub const TORQUE_LIMITED: Self = Self(1 << 6);
     /// The change of the wrench was cut to its limit.
     pub const SLEW_LIMITED: Self = Self(1 << 7);
