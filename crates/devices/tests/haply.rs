@@ -24,7 +24,7 @@ fn config(service: &Service) -> DriverConfig {
 }
 
 fn opened(service: &Service) -> Box<dyn HapticDevice> {
-    open(&config(&service)).unwrap_or_else(|e| panic!("{e}"))
+    open(&config(service)).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Reads once a millisecond until `done`, for ten seconds at most.
