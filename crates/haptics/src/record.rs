@@ -28,7 +28,8 @@ impl TickFlags {
     pub const TORQUE_LIMITED: Self = Self(1 << 6);
     /// The change of the wrench was cut to its limit.
     pub const SLEW_LIMITED: Self = Self(1 << 7);
-    /// A number of the snapshot or of the answer was not finite, or the snapshot's tool pose or a law of it none: no force.
+    /// A number of the snapshot or of the answer was not finite, or the snapshot's tool pose or a law of it is none: no
+    /// force.
     pub const NON_FINITE: Self = Self(1 << 8);
     /// The device did not answer: no force.
     pub const DEVICE_ERROR: Self = Self(1 << 9);

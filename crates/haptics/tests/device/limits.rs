@@ -249,7 +249,7 @@ fn a_gap_between_ticks_makes_the_force_return_as_a_ramp() {
     }
 }
 
-/// A device that fails to read in some ticks and to write in others, and whose motors have limits of their own from tick 700 on.
+/// A device that fails to read in some ticks and to write in others, and whose motors are saturated from tick 700 on.
 struct Faulty {
     inner: ScriptedDevice,
     tick: u64,
