@@ -1,8 +1,9 @@
 //! Force Dimension's devices (omega, delta, sigma, lambda), and the Falcon, through the vendor's DHD library.
 //!
 //! Functions and constants are those of `dhdc.h` of the SDK 3.7 to 3.17: metres, newtons, the number of the device as
-//! last argument, a negative answer for an error, and positive ones (`DHD_TIMEGUARD`, `DHD_MOTOR_SATURATED`) that are none. A gripper is read by the gap between its
-//! fingers, which left-handed devices give the same sign, and is driven by the force along it.
+//! last argument, a negative answer for an error, and positive ones that are none: `DHD_TIMEGUARD`, and
+//! `DHD_MOTOR_SATURATED`, which is told as a limit that acts. A gripper is read by the gap between its fingers, which
+//! left-handed devices give the same sign, and is driven by the force along it.
 //! The library is called on the tick thread: a call is one exchange over USB, which is what paces it. Gravity compensation
 //! and the velocity threshold that brakes the device stay as the device is configured. The firmware's watchdog is set: a
 //! device that no force reaches for 30 ms switches its forces off by itself, whatever becomes of the program.
@@ -15,6 +16,7 @@ use std::time::{Duration, Instant};
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, Freedoms, HapticDevice, TickTime};
+use palpate_haptics::record::TickFlags;
 use palpate_haptics::wrench::{Twist, Wrench};
 
 use crate::error::DriverError;
@@ -46,6 +48,9 @@ const ORIGIN: Origin = Origin {
     },
     remedy: "`device.library` in the scene or --dhd",
 };
+
+/// Answer to a command that the motors cannot give all of.
+const MOTOR_SATURATED: c_int = 2;
 
 /// `dhd_errors` of `dhdc.h`: the ones that mean that the device is gone, and the one that means that it is slow.
 const ERROR_COM: c_int = 2;
@@ -125,6 +130,10 @@ struct ForceDimension {
     gripper_range: f64,
     /// Force between the fingers for the next command (N); positive opens, as the gap grows.
     gripper_force: f64,
+    /// Whether that is less than was asked for.
+    gripper_cut: bool,
+    /// Whether the motors did not give all of the last command.
+    saturated: bool,
     open: bool,
     /// When the last command was sent, where the firmware keeps watch.
     sent: Option<Instant>,
@@ -152,9 +161,19 @@ fn open(config: &DriverConfig) -> Opened {
     }
     let sent = watched.then(Instant::now);
     let range = config.gripper_range.filter(|range| range.is_finite() && *range > 0.0).unwrap_or(GRIPPER_RANGE);
-    let (gripper_range, gripper_force) = (range, 0.0);
-    let device =
-        ForceDimension { functions, _library: library, id, spec, note, gripper_range, gripper_force, open: true, sent };
+    let device = ForceDimension {
+        functions,
+        _library: library,
+        id,
+        spec,
+        note,
+        gripper_range: range,
+        gripper_force: 0.0,
+        gripper_cut: false,
+        saturated: false,
+        open: true,
+        sent,
+    };
     // SAFETY: the device is open.
     if unsafe { (functions.enable_force)(1, id) } < 0 {
         let reason = format!("forces cannot be enabled: {}", functions.reason().1);
@@ -278,6 +297,7 @@ impl HapticDevice for ForceDimension {
         if answer < 0 {
             return Err(self.functions.error());
         }
+        self.saturated = answer == MOTOR_SATURATED;
         if let Some(sent) = &mut self.sent {
             let now = Instant::now();
             // After a silence the firmware has switched the forces off, and does not say so.
@@ -290,8 +310,18 @@ impl HapticDevice for ForceDimension {
     }
 
     fn write_gripper(&mut self, effort: f64) {
-        let force = (effort / self.gripper_range).clamp(-GRIPPER_FORCE, GRIPPER_FORCE);
-        self.gripper_force = if self.spec.freedoms.gripper && force.is_finite() { force } else { 0.0 };
+        let wanted = effort / self.gripper_range;
+        let force = if wanted.is_nan() { 0.0 } else { wanted.clamp(-GRIPPER_FORCE, GRIPPER_FORCE) };
+        // Without a gripper there is nothing to cut.
+        let gripper = self.spec.freedoms.gripper;
+        (self.gripper_force, self.gripper_cut) = if gripper { (force, force != wanted) } else { (0.0, false) };
+    }
+
+    fn limited(&self) -> TickFlags {
+        let mut flags = TickFlags::default();
+        flags.set_if(self.saturated, TickFlags::FORCE_LIMITED);
+        flags.set_if(self.gripper_cut, TickFlags::TORQUE_LIMITED);
+        flags
     }
 
     fn close(&mut self) {

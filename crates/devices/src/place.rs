@@ -9,6 +9,7 @@
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use palpate_haptics::SetupError;
 use palpate_haptics::device::{DeviceError, DeviceSample, DeviceSpec, HapticDevice, TickTime};
+use palpate_haptics::record::TickFlags;
 use palpate_haptics::tick::MAX_COORDINATE;
 use palpate_haptics::wrench::{Twist, Wrench};
 use serde::{Deserialize, Serialize};
@@ -159,6 +160,10 @@ impl HapticDevice for Placed {
 
     fn write_gripper(&mut self, effort: f64) {
         self.device.write_gripper(effort);
+    }
+
+    fn limited(&self) -> TickFlags {
+        self.device.limited()
     }
 
     fn close(&mut self) {

@@ -10,6 +10,7 @@ use std::time::Duration;
 use nalgebra::Vector3;
 use palpate_devices::{DriverConfig, DriverError, driver};
 use palpate_haptics::device::{DeviceError, DeviceSpec, HapticDevice};
+use palpate_haptics::record::TickFlags;
 use palpate_haptics::wrench::Wrench;
 use stand_in::{StandIn, other_library, tick};
 
@@ -74,12 +75,22 @@ fn pose_velocity_switches_and_torque_are_those_of_the_library() {
     assert!(sample.velocity.linear.x > 0.0 && sample.velocity.angular == Vector3::new(0.5, 0.0, 0.0));
     assert_eq!(library.force()[3..], [0.01, 0.02, 0.03]);
 
-    // 10 of 25 mm open. A work of 0.05 J over 25 mm is 2 N; what the fingers cannot bear is cut.
+    // 10 of 25 mm open. A work of 0.05 J over 25 mm is 2 N; what the fingers cannot bear is cut, and told.
     assert!((sample.gripper - 0.4).abs() < 1e-15, "{}", sample.gripper);
-    for (effort, force) in [(0.05, 2000), (-0.01, -400), (9.0, 8000), (f64::NAN, 0)] {
+    for (effort, force, cut) in [
+        (0.05, 2000, false),
+        (-0.01, -400, false),
+        (0.2, 8000, false),
+        (9.0, 8000, true),
+        (-9.0, -8000, true),
+        (f64::INFINITY, 8000, true),
+        (f64::NAN, 0, true),
+        (0.0, 0, false),
+    ] {
         device.write_gripper(effort);
         device.write(Wrench::zero()).unwrap();
         assert_eq!(library.get("stand_in_gripper"), force, "{effort} J");
+        assert_eq!(device.limited().contains(TickFlags::TORQUE_LIMITED), cut, "{effort} J");
     }
     device.close();
     assert_eq!(library.get("stand_in_gripper"), 0);
@@ -90,6 +101,23 @@ fn pose_velocity_switches_and_torque_are_those_of_the_library() {
     wide.write_gripper(0.05);
     wide.write(Wrench::zero()).unwrap();
     assert_eq!(library.get("stand_in_gripper"), 1000);
+    // A device without a gripper has nothing to cut.
+    library.set("stand_in_type", 33);
+    let mut bare = open(&library.config()).unwrap();
+    bare.write_gripper(9.0);
+    bare.write(Wrench::zero()).unwrap();
+    assert_eq!((library.get("stand_in_gripper"), bare.limited()), (0, TickFlags::default()));
+}
+
+/// The library answers that a motor is saturated beyond 12 N along x; it is no error, and it is told while it lasts.
+#[test]
+fn a_motor_that_is_saturated_is_told_as_a_limit_of_the_force() {
+    let Some(library) = StandIn::build("dhd", &[]) else { return };
+    let mut device = open(&library.config()).unwrap();
+    for (force, cut) in [(11.0, false), (13.0, true), (-13.0, true), (11.0, false)] {
+        device.write(Wrench::from_force(Vector3::x() * force)).unwrap();
+        assert_eq!(device.limited().contains(TickFlags::FORCE_LIMITED), cut, "{force} N");
+    }
 }
 
 #[test]

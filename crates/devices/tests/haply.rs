@@ -19,8 +19,12 @@ fn open(config: &DriverConfig) -> Result<Box<dyn HapticDevice>, DriverError> {
     (driver("haply").unwrap().open)(config)
 }
 
+fn config(service: &Service) -> DriverConfig {
+    DriverConfig { url: Some(service.url().into()), ..DriverConfig::default() }
+}
+
 fn opened(service: &Service) -> Box<dyn HapticDevice> {
-    open(&service.config()).unwrap_or_else(|e| panic!("{e}"))
+    open(&config(service)).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Reads once a millisecond until `done`, for ten seconds at most.
@@ -212,12 +216,12 @@ fn no_service_another_one_and_no_device_are_told_apart() {
     assert!(error.to_string().contains("does not answer in time"), "{error}");
 
     let service = Service::start(json!({ "session_id": 1, "inverse3": [] }));
-    let error = open(&service.config()).err().unwrap();
+    let error = open(&config(&service)).err().unwrap();
     assert!(matches!(error, DriverError::NoDevice { .. }) && error.to_string().contains("no Inverse3"), "{error}");
     let service = Service::start(json!("nonsense"));
-    let error = open(&service.config()).err().unwrap();
+    let error = open(&config(&service)).err().unwrap();
     assert!(error.to_string().contains("cannot be understood"), "{error}");
     let service = Service::start(inventory());
-    let found = (driver("haply").unwrap().probe)(&service.config()).unwrap();
+    let found = (driver("haply").unwrap().probe)(&config(&service)).unwrap();
     assert_eq!(found, "Inverse3 049D, without a grip");
 }

@@ -99,8 +99,11 @@ fn closing_ends_the_servo_thread_before_its_data_goes() {
     let Some(library) = StandIn::build("hd", &[]) else { return };
     let mut device = open(&library.config()).unwrap();
     assert_eq!((library.get("stand_in_open"), library.get("stand_in_enabled")), (1, 1));
+    device.write(Wrench::from_force(Vector3::new(0.5, 0.0, 0.0))).unwrap();
+    until(device.as_mut(), "the force", |_, _| library.force()[0] == 0.5);
     device.close();
     assert_eq!((library.get("stand_in_open"), library.get("stand_in_enabled")), (0, 0));
+    assert_eq!(library.force()[..3], [0.0; 3], "the last that the motors are asked for is no force");
     let frames = library.frames();
     std::thread::sleep(Duration::from_millis(20));
     assert_eq!(library.frames(), frames);

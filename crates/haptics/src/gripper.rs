@@ -94,7 +94,8 @@ pub struct GripperRecord {
     pub device: f64,
     /// Opening of the tool's jaws behind the coupling \[rad\]; 0 for a tool without.
     pub opening: f64,
-    /// Torque on the opening that was sent, after all limits; positive opens \[N m\].
+    /// Torque on the opening that was sent, after all limits but those of the device's own driver, which
+    /// [`TickFlags::TORQUE_LIMITED`] tells; positive opens \[N m\].
     pub torque: f64,
     /// The same of the contacts before limits \[N m\].
     pub contact_torque: f64,

@@ -22,13 +22,14 @@ impl TickFlags {
     pub const STALE: Self = Self(1 << 3);
     /// The force is rising after a start or an interruption.
     pub const FADE_IN: Self = Self(1 << 4);
-    /// The force was cut to its limit.
+    /// The force was cut to its limit, by the tick or by the device.
     pub const FORCE_LIMITED: Self = Self(1 << 5);
-    /// The torque was cut to its limit.
+    /// The torque, or that of the gripper, was cut to its limit, by the tick or by the device.
     pub const TORQUE_LIMITED: Self = Self(1 << 6);
     /// The change of the wrench was cut to its limit.
     pub const SLEW_LIMITED: Self = Self(1 << 7);
-    /// A number of the snapshot or of the answer was not finite: no force.
+    /// A number of the snapshot or of the answer was not finite, or the snapshot's tool pose or a law of it is none: no
+    /// force.
     pub const NON_FINITE: Self = Self(1 << 8);
     /// The device did not answer: no force.
     pub const DEVICE_ERROR: Self = Self(1 << 9);

@@ -43,6 +43,8 @@ pub fn run_tick(
         record.wrench = Wrench::zero();
         (record.gripper.torque, record.gripper.effort) = (0.0, 0.0);
         record.gain = 0.0;
+    } else {
+        record.flags.set(device.limited());
     }
     record
 }

@@ -3,7 +3,8 @@
 //! HDAPI has a servo thread of its own, at 1 kHz, in which alone a device is read and driven. A callback there exchanges
 //! whole values with the tick: the newest sample one way, the newest wrench the other, wait-free on both sides. The
 //! motors so get a force at most one servo period after the tick wrote it. Where no wrench has come for
-//! [`LARGEST_SILENCE`] servo periods, the callback sends none.
+//! [`LARGEST_SILENCE`] servo periods, the callback sends none. A device is closed when its servo thread has sent the zero
+//! force, or has not called for [`LAST_WORD`].
 //!
 //! Functions and constants are those of `hd.h` of OpenHaptics 3: millimetres, y up, matrices by columns; here they are
 //! turned into metres. The library guards force, velocity and motor temperature itself, and stops forces beyond.
@@ -52,6 +53,9 @@ const OLDEST_SAMPLE: f64 = 0.05;
 /// Time that the servo thread has for its first sample.
 const FIRST_SAMPLE: Duration = Duration::from_secs(2);
 
+/// Longest wait for the servo thread to take the force off at the end.
+pub const LAST_WORD: Duration = Duration::from_millis(100);
+
 const VENDOR: &str = "OpenHaptics";
 
 const ORIGIN: Origin = Origin {
@@ -82,7 +86,8 @@ fn open(config: &DriverConfig) -> Opened {
     let library = VendorLibrary::open(&ORIGIN, config.library.as_deref())?;
     let functions = Functions::of(&library)?;
     let (handle, spec) = initialise(&functions)?;
-    let nothing = Measured { sample: DeviceSample::at_rest(0.0, Isometry3::identity()), error: 0, at: Instant::now() };
+    let sample = DeviceSample::at_rest(0.0, Isometry3::identity());
+    let nothing = Measured { sample, error: 0, number: 0, at: Instant::now() };
     let (sample_writer, samples) = latest(&nothing);
     let (wanted, wanted_reader) = latest(&Wanted::default());
     let servo =
@@ -153,6 +158,14 @@ impl OpenHaptics {
         }
         Ok(())
     }
+
+    /// Waits until the servo thread has sent the force that was written last.
+    fn wait_for_force(&mut self) {
+        let begin = Instant::now();
+        while self.samples.latest().number != self.written && begin.elapsed() < LAST_WORD {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
 }
 
 impl HapticDevice for OpenHaptics {
@@ -184,6 +197,10 @@ impl HapticDevice for OpenHaptics {
     }
 
     fn close(&mut self) {
+        // The motors may be driven on the servo thread alone, and would keep what they were asked for last.
+        if self.write(Wrench::zero()).is_ok() {
+            self.wait_for_force();
+        }
         let Some((servo, scheduled)) = self.scheduled.take() else { return };
         let f = &self.functions;
         // SAFETY: the callback is taken off and the scheduler stopped, after which nobody uses its data.

@@ -23,6 +23,8 @@ pub(super) struct Measured {
     pub(super) sample: DeviceSample,
     /// Error of the library; 0: none.
     pub(super) error: c_uint,
+    /// Number of the wrench that was sent in the same period.
+    pub(super) number: u64,
     pub(super) at: Instant,
 }
 
@@ -80,7 +82,8 @@ impl Servo {
             buttons: buttons as u32,
             ..DeviceSample::at_rest(0.0, pose(&transform))
         };
-        self.samples.send(Measured { sample, error: f.take_error(), at: Instant::now() });
+        let (error, number) = (f.take_error(), self.number);
+        self.samples.send(Measured { sample, error, number, at: Instant::now() });
     }
 }
 

@@ -1,4 +1,5 @@
 //! A service as Haply's: a thread with a WebSocket on this machine that answers one state for each command.
+#![allow(dead_code)] // each test uses its part
 
 use std::io::Write;
 use std::net::{TcpListener, TcpStream};
@@ -7,13 +8,12 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use palpate_devices::DriverConfig;
 use serde_json::{Value, json};
 use tungstenite::{Message, WebSocket};
 
 /// What the service does with a command.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Manner {
+pub(crate) enum Manner {
     Sound,
     Hang,
     Gibberish,
@@ -29,35 +29,40 @@ pub(super) enum Manner {
 
 /// The device behind the service: a mass on a spring to a hand, moved by a millisecond a command.
 #[derive(Default)]
-pub(super) struct Arm {
+pub(crate) struct Arm {
     position: [f64; 3],
     velocity: [f64; 3],
-    pub(super) hand: [f64; 3],
+    pub(crate) hand: [f64; 3],
     force: [f64; 3],
 }
 
-pub(super) struct Desk {
+pub(crate) struct Desk {
     manner: Mutex<Manner>,
-    pub(super) arm: Mutex<Arm>,
-    pub(super) commands: AtomicU64,
-    pub(super) sessions: AtomicUsize,
+    /// The manner from so many commands with a force on.
+    turn: Mutex<Option<(u64, Manner)>>,
+    commands_with_force: AtomicU64,
+    pub(crate) arm: Mutex<Arm>,
+    pub(crate) commands: AtomicU64,
+    pub(crate) sessions: AtomicUsize,
     end: AtomicBool,
 }
 
-pub(super) struct Service {
-    pub(super) desk: Arc<Desk>,
+pub(crate) struct Service {
+    pub(crate) desk: Arc<Desk>,
     url: String,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Service {
     /// A service whose inventory is made of `inventory`.
-    pub(super) fn start(inventory: Value) -> Self {
+    pub(crate) fn start(inventory: Value) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let url = format!("ws://{}", listener.local_addr().unwrap());
         listener.set_nonblocking(true).unwrap();
         let desk = Arc::new(Desk {
             manner: Mutex::new(Manner::Sound),
+            turn: Mutex::default(),
+            commands_with_force: AtomicU64::new(0),
             arm: Mutex::default(),
             commands: AtomicU64::new(0),
             sessions: AtomicUsize::new(0),
@@ -75,15 +80,24 @@ impl Service {
         Self { desk, url, thread: Some(thread) }
     }
 
-    pub(super) fn config(&self) -> DriverConfig {
-        DriverConfig { url: Some(self.url.clone()), ..DriverConfig::default() }
+    pub(crate) fn url(&self) -> &str {
+        &self.url
     }
 
-    pub(super) fn is(&self, manner: Manner) {
+    pub(crate) fn is(&self, manner: Manner) {
         *self.desk.manner.lock().unwrap() = manner;
     }
 
-    pub(super) fn force(&self) -> [f64; 3] {
+    /// Lets it be so after this many commands with a force.
+    pub(crate) fn becomes(&self, after: u64, manner: Manner) {
+        *self.desk.turn.lock().unwrap() = Some((after, manner));
+    }
+
+    pub(crate) fn commands_with_force(&self) -> u64 {
+        self.desk.commands_with_force.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn force(&self) -> [f64; 3] {
         self.desk.arm.lock().unwrap().force
     }
 }
@@ -92,6 +106,19 @@ impl Drop for Service {
     fn drop(&mut self) {
         self.desk.end.store(true, Ordering::Release);
         self.thread.take().unwrap().join().unwrap();
+    }
+}
+
+impl Desk {
+    fn manner(&self) -> Manner {
+        let mut manner = self.manner.lock().unwrap();
+        let turn = self.turn.lock().unwrap();
+        if let Some((after, then)) = *turn
+            && self.commands_with_force.load(Ordering::Relaxed) >= after
+        {
+            *manner = then;
+        }
+        *manner
     }
 }
 
@@ -106,7 +133,7 @@ fn serve(desk: &Desk, stream: TcpStream, inventory: &Value) {
     let mut trickle = Trickle::default();
     while !desk.end.load(Ordering::Acquire) {
         // One manner for all of a turn: an answer in the midst of a trickled message would spoil both.
-        let manner = *desk.manner.lock().unwrap();
+        let manner = desk.manner();
         match manner {
             Manner::Ping => _ = socket.send(Message::Ping(vec![7].into())),
             Manner::Trickle => trickle.drip(socket.get_mut()),
@@ -156,6 +183,7 @@ fn answer(desk: &Desk, manner: Manner, socket: &mut WebSocket<TcpStream>, text: 
     assert_eq!(command["inverse3"][0]["device_id"], "049D");
     let force = &command["inverse3"][0]["commands"]["set_cursor_force"]["vector"];
     let force = ["x", "y", "z"].map(|axis| force[axis].as_f64().unwrap());
+    desk.commands_with_force.fetch_add(u64::from(force != [0.0; 3]), Ordering::Relaxed);
     let state = move_arm(&mut desk.arm.lock().unwrap(), force);
     let reply = match manner {
         Manner::Sound => Message::text(json!({ "inverse3": [{ "device_id": "049D", "state": state }] }).to_string()),
@@ -187,7 +215,7 @@ fn move_arm(arm: &mut Arm, force: [f64; 3]) -> Value {
     json!({ "cursor_position": xyz(arm.position), "cursor_velocity": xyz(arm.velocity) })
 }
 
-pub(super) fn inventory() -> Value {
+pub(crate) fn inventory() -> Value {
     let zero = json!({ "x": 0.0, "y": 0.0, "z": 0.0 });
     let state = json!({ "cursor_position": zero, "cursor_velocity": zero });
     let config = json!({ "type": "inverse3", "handedness": "right" });

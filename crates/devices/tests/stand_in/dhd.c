@@ -2,8 +2,9 @@
  *
  * The device is a mass on a spring to a hand; each command of a force moves it by a millisecond. Functions that begin with
  * stand_in_ are the test's, to move the hand and to pull the plug; where the library is loaded by another program, the
- * environment says where the hand goes (STAND_IN_HAND, "x y z" in m), of which type it is (STAND_IN_TYPE), and after how many poses the plug is pulled
- * (STAND_IN_UNPLUG).
+ * environment says where the hand goes (STAND_IN_HAND, "x y z" in m), of which type it is (STAND_IN_TYPE), after how many poses
+ * the plug is pulled (STAND_IN_UNPLUG), and the largest force along an axis that does not saturate a motor (STAND_IN_SATURATED,
+ * in N).
  */
 #include <math.h>
 #include <stdbool.h>
@@ -23,7 +24,7 @@ static int watchdog = 0;      /* units of 125 us */
 static int has_watchdog = 1;
 static int calls = 0;
 static int unplug_after = -1;
-static double gripper_force;
+static double gripper_force, saturated_above = 12.0;
 static double position[3], velocity[3], hand[3], force[3], torque[3];
 
 void stand_in_devices(int n) { devices = n; }
@@ -67,6 +68,8 @@ int dhdOpen(void)
     if (text != NULL) system_type = atoi(text);
     text = getenv("STAND_IN_UNPLUG");
     if (text != NULL) unplug_after = atoi(text);
+    text = getenv("STAND_IN_SATURATED");
+    if (text != NULL) saturated_above = atof(text);
     return 0;
 }
 
@@ -172,5 +175,5 @@ int dhdSetForceAndTorqueAndGripperForce(double fx, double fy, double fz, double 
         velocity[i] += DT * f / MASS;
         position[i] += DT * velocity[i];
     }
-    return fabs(fx) > 12.0 ? 2 : 0; /* DHD_MOTOR_SATURATED: and no error */
+    return fmax(fabs(fx), fmax(fabs(fy), fabs(fz))) > saturated_above ? 2 : 0; /* DHD_MOTOR_SATURATED: and no error */
 }

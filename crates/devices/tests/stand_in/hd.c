@@ -2,11 +2,18 @@
  * arithmetic only.
  *
  * The device is a mass on a spring to a hand, in millimetres as the library's; each frame moves it by a millisecond. Calls
- * that belong into a frame and are made outside are errors. Functions that begin with stand_in_ are the test's.
+ * that belong into a frame and are made outside are errors. Functions that begin with stand_in_ are the test's; where the
+ * library is loaded by another program, the environment says where the hand goes (STAND_IN_HAND, "x y z" in m), after how many
+ * frames with a force the plug is pulled (STAND_IN_UNPLUG), the servo thread calls no more (STAND_IN_STALL; 0: it never calls)
+ * or poses are no numbers (STAND_IN_NAN), that there is no device (STAND_IN_ABSENT), and the file that is told at the end
+ * whether forces are enabled, which the motors were asked for last, and which was the largest (STAND_IN_LAST_WORD).
  */
 #define _POSIX_C_SOURCE 200809L
+#include <math.h>
 #include <pthread.h>
 #include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <time.h>
 
 typedef struct {
@@ -41,6 +48,8 @@ static callback scheduled = NULL;
 static void *scheduled_data = NULL;
 static double position[3], velocity[3], hand[3], force[3]; /* m, m/s, m, N */
 static long frames = 0;
+static long frames_with_force = 0, unplug_after = -1, stall_after = -1, nan_after = -1;
+static double largest_force = 0.0;
 
 static void raise_error(unsigned code)
 {
@@ -74,10 +83,21 @@ void stand_in_force(double *out)
     pthread_mutex_unlock(&lock);
 }
 
+static long number_of(const char *variable)
+{
+    const char *text = getenv(variable);
+    return text != NULL ? atol(text) : -1;
+}
+
 unsigned hdInitDevice(const char *name)
 {
+    const char *text = getenv("STAND_IN_HAND");
     (void)name;
-    if (absent) {
+    if (text != NULL) sscanf(text, "%lf %lf %lf", &hand[0], &hand[1], &hand[2]);
+    unplug_after = number_of("STAND_IN_UNPLUG");
+    stall_after = number_of("STAND_IN_STALL");
+    nan_after = number_of("STAND_IN_NAN");
+    if (absent || getenv("STAND_IN_ABSENT") != NULL) {
         raise_error(0x0300); /* HD_DEVICE_FAULT */
         return 0xFFFFFFFFu;
     }
@@ -87,8 +107,14 @@ unsigned hdInitDevice(const char *name)
 
 void hdDisableDevice(unsigned device)
 {
+    const char *path = getenv("STAND_IN_LAST_WORD");
+    FILE *file = path != NULL ? fopen(path, "w") : NULL;
     if (device != 7) raise_error(0x0104);
     initialised = 0;
+    if (file != NULL) {
+        fprintf(file, "%d %.17g %.17g %.17g %.17g\n", force_output, force[0], force[1], force[2], largest_force);
+        fclose(file);
+    }
 }
 
 void hdMakeCurrentDevice(unsigned device)
@@ -106,8 +132,11 @@ void hdEndFrame(unsigned device)
 {
     if (device != 7 || !in_frame) raise_error(ILLEGAL_BEGIN);
     in_frame = 0;
+    if (frames_with_force == unplug_after) unplugged = 1;
     if (unplugged) raise_error(COMM_ERROR);
     frames++;
+    if (force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0) frames_with_force++;
+    largest_force = fmax(largest_force, sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2]));
     for (int i = 0; i < 3; i++) {
         double felt = force_output ? force[i] : 0.0;
         double f = felt + STIFFNESS * (hand[i] - position[i]) - DAMPING * velocity[i];
@@ -159,6 +188,7 @@ void hdGetDoublev(unsigned name, double *out)
         const double m[16] = {0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
         for (int i = 0; i < 16; i++) out[i] = m[i];
         for (int i = 0; i < 3; i++) out[12 + i] = position[i] * 1e3;
+        if (nan_after >= 0 && frames_with_force >= nan_after) out[13] = NAN;
         break;
     }
     case CURRENT_VELOCITY:
@@ -197,7 +227,8 @@ static void *serve(void *unused)
             pthread_mutex_unlock(&lock);
             return NULL;
         }
-        if (!stalled && scheduled != NULL && scheduled(scheduled_data) == 0) scheduled = NULL;
+        int stuck = stalled || (stall_after >= 0 && frames_with_force >= stall_after);
+        if (!stuck && scheduled != NULL && scheduled(scheduled_data) == 0) scheduled = NULL;
         pthread_mutex_unlock(&lock);
         nanosleep(&period, NULL);
     }
@@ -230,6 +261,7 @@ unsigned long hdScheduleAsynchronous(callback call, void *data, unsigned short p
     return 1;
 }
 
+#ifndef WITHOUT_UNSCHEDULE
 void hdUnschedule(unsigned long handle)
 {
     (void)handle;
@@ -237,3 +269,4 @@ void hdUnschedule(unsigned long handle)
     scheduled = NULL;
     pthread_mutex_unlock(&lock);
 }
+#endif

@@ -14,6 +14,7 @@ use thiserror::Error;
 
 use crate::SetupError;
 use crate::hand::Hand;
+use crate::record::TickFlags;
 use crate::script::HandScript;
 use crate::wrench::{Twist, Wrench};
 
@@ -116,6 +117,13 @@ pub trait HapticDevice: Send {
     /// Asks for a force of the gripper, with the next [`write`](Self::write): the work of a whole opening \[J\], positive
     /// opens ([`crate::gripper`]). A device without motors there passes it over.
     fn write_gripper(&mut self, _effort: f64) {}
+
+    /// What limits of the device's own have cut of what the last [`write`](Self::write) asked for:
+    /// [`TickFlags::FORCE_LIMITED`] of the wrench, [`TickFlags::TORQUE_LIMITED`] of the gripper. The tick's record shows
+    /// them beside its own.
+    fn limited(&self) -> TickFlags {
+        TickFlags::default()
+    }
 
     /// Takes force off and ends the connection. Calls after it answer [`DeviceError::Closed`].
     fn close(&mut self);

@@ -26,7 +26,7 @@ impl Tick {
         sample: &DeviceSample,
         ws: &mut TickWorkspace,
     ) {
-        if outgoing.valid && state.step == Some(outgoing.step) && is_sound(sample) {
+        if outgoing.valid && state.believed && state.step == Some(outgoing.step) && is_sound(sample) {
             self.read(state, sample);
             let poses = self.poses(state, sample);
             let local = match (self.local(outgoing), &state.patch) {
@@ -37,7 +37,11 @@ impl Tick {
                 }
                 _ => self.problem().solve(&mut state.warm_start, outgoing, &poses.predicted, ws),
             };
-            state.outgoing = Some(local.wrench.force);
+            if local.finite && local.wrench.is_finite() {
+                state.outgoing = Some(local.wrench.force);
+            } else {
+                state.warm_start.clear_forces();
+            }
         }
     }
 

@@ -61,7 +61,12 @@ impl Tick {
                 state.warm_start.clear();
                 state.patch.iter_mut().for_each(|memory| memory.renumber(snapshot.patch.skin()));
             }
-            state.warm_start.take_over(snapshot);
+            state.believed = self.believes(snapshot);
+            if state.believed {
+                state.warm_start.take_over(snapshot);
+            } else {
+                state.warm_start.clear();
+            }
             state.jump.take_over();
             state.step = Some(snapshot.step);
             state.age = 0.0;
@@ -70,7 +75,7 @@ impl Tick {
         }
         let dt = elapsed.motion;
         if let Some(memory) = &mut state.patch {
-            match (self.patch.as_ref().filter(|_| snapshot.patch.valid), new) {
+            match (self.patch.as_ref().filter(|_| snapshot.patch.valid && state.believed), new) {
                 (Some(config), true) => {
                     memory.take_over(&snapshot.patch, &snapshot.tool(), (snapshot.dt, dt, config.hand_over));
                 }

@@ -22,6 +22,7 @@ mod grip;
 mod jump;
 mod local;
 mod patch;
+mod soundness;
 mod state;
 mod warm_start;
 
@@ -160,7 +161,11 @@ impl Tick {
             (Wrench::zero(), Local::EMPTY)
         } else {
             self.observe(state, sample, motion);
-            if snapshot.valid {
+            if snapshot.valid && !state.believed {
+                flags.set(TickFlags::NON_FINITE);
+                state.cut();
+                (Wrench::zero(), Local::EMPTY)
+            } else if snapshot.valid {
                 self.touch(state, snapshot, sample, dt, ws, &mut flags)
             } else {
                 flags.set(if snapshot.step == 0 { TickFlags::NO_SNAPSHOT } else { TickFlags::INVALID_SNAPSHOT });
@@ -175,6 +180,8 @@ impl Tick {
         let gripper = self.grip(state, local.gripper, dt, &mut flags);
         let swapped = flags.contains(TickFlags::NEW_SNAPSHOT);
         let jump = outgoing.filter(|_| swapped).map_or(0.0, |before| (local.wrench.force - before).norm());
+        // The square of what no force can be has no room.
+        let jump = jump.min(f64::MAX);
         let record = record(state, snapshot, TickMoment { time, elapsed }, sent, &local, jump, flags);
         TickRecord { gripper, ..record }
     }

@@ -23,6 +23,8 @@ pub struct TickState {
     pub(super) patch: Option<PatchMemory>,
     /// The step whose snapshot is in use.
     pub(super) step: Option<u64>,
+    /// Whether its numbers are ones.
+    pub(super) believed: bool,
     /// How that snapshot numbers features.
     pub(super) numbering: u32,
     pub(super) age: f64,
@@ -49,6 +51,7 @@ impl TickState {
             warm_start: WarmStart::new(max_contacts),
             patch: None,
             step: None,
+            believed: false,
             numbering: 0,
             age: f64::INFINITY,
             in_no_time: 0,

@@ -249,7 +249,7 @@ fn a_gap_between_ticks_makes_the_force_return_as_a_ramp() {
     }
 }
 
-/// A device that fails to read in some ticks and to write in others.
+/// A device that fails to read in some ticks and to write in others, and whose motors are saturated from tick 700 on.
 struct Faulty {
     inner: ScriptedDevice,
     tick: u64,
@@ -267,6 +267,10 @@ impl HapticDevice for Faulty {
 
     fn write(&mut self, wrench: Wrench) -> Result<(), DeviceError> {
         if self.tick == 1000 { Err(DeviceError::Driver(-3)) } else { self.inner.write(wrench) }
+    }
+
+    fn limited(&self) -> TickFlags {
+        if self.tick < 700 { TickFlags::default() } else { TickFlags::FORCE_LIMITED }
     }
 
     fn close(&mut self) {
@@ -300,6 +304,9 @@ fn a_device_that_does_not_answer_gets_no_force_and_then_a_ramp() {
         if ![500, 1000].contains(&index) {
             assert_eq!(device.inner.wrench(), record.wrench);
         }
+        // The device's own limits are told, but not of a force that it did not take.
+        let limited = index >= 700 && index != 1000;
+        assert_eq!(record.flags.contains(TickFlags::FORCE_LIMITED), limited, "tick {index}");
     }
 }
 

@@ -14,5 +14,7 @@ mod one;
 mod patch;
 mod renumbering;
 mod reset;
+mod snapshot_fields;
 mod two_clocks;
 mod wild_numbers;
+mod wild_snapshots;

@@ -159,6 +159,10 @@ impl PatchProblem<'_> {
             return Local { truncated: true, ..Local::EMPTY };
         }
         memory.shape_now(patch, now, &mut scratch.shape[..nodes]);
+        // A node that is nowhere would be no contact, and the others would carry on without it.
+        if !scratch.shape[..nodes].iter().all(crate::wrench::all_finite) {
+            return Local { finite: false, ..Local::EMPTY };
+        }
         let dropped = scratch.detection.detect_tool(
             patch.skin(),
             &scratch.shape[..nodes],

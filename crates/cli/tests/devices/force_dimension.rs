@@ -1,57 +1,14 @@
-//! Does the program run a scene on hardware, and say what it finds?
-//!
-//! The hardware is a library compiled from C that speaks the vendor's interface. Says so and returns where there is no
-//! compiler.
-
-#![cfg(unix)] // shared libraries by their Unix names
-#![allow(clippy::print_stdout)] // why a test was skipped
-
-mod program_runs;
-
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+//! A scene on Force Dimension's DHD, on recorded traces, and the list of devices.
 
 use palpate::trace::{TickFlags, Trace};
-use program_runs::{Place, SCENE};
 use serde_json::Value;
 
-/// The scene without a path for the hand, on this device.
-fn scene(device: &str) -> String {
-    let (scene, _) = SCENE.split_once("[hand]").unwrap();
-    format!("{scene}[device]\norigin = [0.0, 0.0, 0.044]\n{device}\n")
-}
+use super::{Place, SCENE, completed, folder, norm, run, scene};
 
 const HARDWARE: &str = "kind = \"force_dimension\"\nlibrary = \"./libdhd.so\"";
 
-/// A folder with the scene and the vendor's library; `None`, with a printed reason, where there is no compiler.
 fn place() -> Option<Place> {
-    let place = Place::with(&scene(HARDWARE));
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../devices/tests/stand_in/dhd.c");
-    let mut command = Command::new("cc");
-    command.args(["-shared", "-fPIC"]).arg(source).arg("-o").arg(place.path("libdhd.so")).arg("-lm");
-    match command.output() {
-        Ok(output) => assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr)),
-        Err(error) => {
-            println!("skipped: there is no C compiler here: {error}");
-            return None;
-        }
-    }
-    Some(place)
-}
-
-/// The program in the folder, with the hand 10 mm below the device's origin.
-fn run(folder: &Path, words: &str, environment: &[(&str, &str)]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
-    command.args(words.split_whitespace()).current_dir(folder).env("STAND_IN_HAND", "0 0 -0.01");
-    command.envs(environment.iter().copied()).output().unwrap()
-}
-
-fn folder(place: &Place) -> PathBuf {
-    place.path("scene.toml").parent().unwrap().to_path_buf()
-}
-
-fn norm(v: [f64; 3]) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+    super::place("dhd", HARDWARE, &[])
 }
 
 #[test]
@@ -124,6 +81,21 @@ fn hardware_that_is_unplugged_in_mid_run_gets_no_force_and_the_run_ends_in_order
     // One of the 200 poses told where the tool is before the first step.
     assert_eq!(first, 199);
     assert!(trace.ticks[first..].iter().all(|tick| tick.force == [0.0; 3] && tick.torque == [0.0; 3]));
+}
+
+/// A limit of the device's own is in the trace, and the run replays all the same.
+#[test]
+fn a_motor_that_is_saturated_is_told_in_the_trace() {
+    let Some(place) = place() else { return };
+    let (_, trace) = completed(&place, &[("STAND_IN_SATURATED", "0.02")]);
+    let mut limited = 0;
+    for tick in &trace.ticks {
+        // The device's axes are the world's.
+        let saturates = tick.force.iter().any(|f| f.abs() > 0.02);
+        assert_eq!(tick.flags.contains(TickFlags::FORCE_LIMITED), saturates, "tick {}: {:?}", tick.tick, tick.force);
+        limited += usize::from(saturates);
+    }
+    assert!(limited > 0 && limited < trace.ticks.len(), "{limited}");
 }
 
 #[test]
