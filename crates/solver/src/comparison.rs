@@ -69,6 +69,8 @@ fn run(
     let mut lambda = vec![0.0; problem.rows()];
     lambda.iter_mut().zip(start).for_each(|(lambda, start)| *lambda = *start);
     let mut history = Vec::with_capacity(samples);
+    // Before the watch begins: no sample is later than the end of the run.
+    let start = Instant::now();
     let mut watch = Watch::none();
     if samples > 0 {
         watch = watch.record(&mut history);
@@ -76,7 +78,6 @@ fn run(
     if let Some(seconds) = time_limit {
         watch = watch.limit(seconds);
     }
-    let start = Instant::now();
     let report = solver.solve_watched(&problem.view(), &mut lambda, &mut ws, &mut watch);
     let seconds = start.elapsed().as_secs_f64();
     let judged = residual::evaluate(&problem.view(), &lambda, &mut vec![0.0; problem.rows()]).relative;
